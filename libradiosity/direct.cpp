@@ -1,0 +1,142 @@
+#include "libradiosity/direct.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+
+#include "libradiosity/form_factor.h"
+#include "libradiosity/lights.h"
+#include "libscene/constants.h"
+#include "libscene/texture.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr std::size_t kMaxEmitterPieces = 48;   // closed forms a texel when a level has few emissive triangles
+constexpr std::size_t kClosedFormPlaces = 4;    // the unoccluded factor is smooth over a texel
+constexpr double kDefensive = 0.05;             // share of the choice of pieces that goes by area: a place may see what the first ones did not
+constexpr std::size_t kMaxPlaces = 256;
+
+}  // namespace
+
+DirectLight::DirectLight(const Scene& scene, const Tracer& tracer, bool shadows, const Run& run)
+    : scene_(scene), tracer_(tracer), shadows_(shadows), emitters_(findEmitters(scene, kMaxEmitterPieces, run)) {}
+
+std::vector<std::uint32_t> DirectLight::lightsFor(const glm::dvec3& centre_m, double radius_m) const {
+  std::vector<std::uint32_t> lights;
+  for (std::uint32_t i = 0; i < scene_.lights.size(); ++i)
+    if (mayReach(scene_.lights[i], centre_m, radius_m)) lights.push_back(i);
+  return lights;
+}
+
+DirectSample DirectLight::sample(std::span<const SurfacePoint> places, std::span<const std::uint32_t> lights, const Sobol4& address) const {
+  assert(places.size() <= kMaxPlaces);
+  DirectSample out;
+  for (const std::uint32_t light : lights) addPunctual(out, places, light);
+  if (!emitters_.empty()) addEmitters(out, places, address);
+  return out;
+}
+
+void DirectLight::trace(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Purpose purpose) const {
+  if (shadows_) tracer_.occluded(rays, blocked, purpose);
+  else std::ranges::fill(blocked, std::uint8_t(0));
+}
+
+void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> places, std::uint32_t index) const {
+  const Light& light = scene_.lights[index];
+  std::array<Ray, kMaxPlaces> rays;
+  std::array<glm::dvec3, kMaxPlaces> unshadowed;
+  std::array<std::uint8_t, kMaxPlaces> blocked;
+  std::size_t n = 0;
+  for (const SurfacePoint& p : places) {
+    const Incoming in = incoming(light, p.position_m, p.normal);
+    if (in.illuminance == glm::dvec3(0.0)) continue;
+    if (glm::dot(in.towards, p.geometricNormal) <= 0.0) continue;   // lit by the interpolated normal only: the surface itself is in the way
+    unshadowed[n] = in.illuminance;
+    const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal);
+    rays[n] = in.endless ? Ray{from, glm::vec3(in.towards), INFINITY} : Ray{from, glm::vec3(light.position_m - glm::dvec3(from)), 1.0f};
+    ++n;
+  }
+  if (n == 0) return;
+  trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
+  std::size_t seen = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (blocked[i]) continue;
+    ++seen;
+    out.illuminance += unshadowed[i] / double(places.size());
+  }
+  out.mixed |= seen > 0 && seen < places.size();   // the edge of a cone or of the light's side counts as an edge, too
+  if (seen > 0) out.signature = combine(out.signature, index);
+}
+
+void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> places, const Sobol4& address) const {
+  // E of each piece, closed form, mean over a few of the places.
+  thread_local std::vector<double> factor, cumulative;
+  factor.assign(emitters_.size(), 0.0);
+  const std::size_t closed = std::min(kClosedFormPlaces, places.size());
+  for (std::size_t e = 0; e < emitters_.size(); ++e)
+    for (std::size_t i = 0; i < closed; ++i) factor[e] += elementToPolygon(places[i].position_m, places[i].normal, emitters_[e].corner_m) / double(closed);
+  glm::dvec3 unoccluded(0.0);
+  double total = 0.0, area = 0.0;
+  for (std::size_t e = 0; e < emitters_.size(); ++e) {
+    unoccluded += kPi * factor[e] * glm::dvec3(emitters_[e].radiance);
+    total += factor[e] * strength(emitters_[e].radiance);
+    if (factor[e] > 0.0) area += emitters_[e].area_m2 * strength(emitters_[e].radiance);
+  }
+  if (!(total > 0.0)) return;
+  cumulative.resize(emitters_.size() + 1);
+  cumulative[0] = 0.0;
+  for (std::size_t e = 0; e < emitters_.size(); ++e) {
+    const double s = strength(emitters_[e].radiance);
+    const double share = (1.0 - kDefensive) * factor[e] * s / total + (factor[e] > 0.0 ? kDefensive * emitters_[e].area_m2 * s / area : 0.0);
+    cumulative[e + 1] = cumulative[e] + share;
+  }
+
+  std::array<Ray, kMaxPlaces> rays;
+  std::array<glm::dvec3, kMaxPlaces> radiance, mean;   // times kernel over density; of the place, and of its piece
+  std::array<std::uint8_t, kMaxPlaces> blocked;
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const SurfacePoint& p = places[i];
+    const glm::vec2 u = address.point2(std::uint32_t(i));
+    const double pick = double(u.x) * cumulative.back();
+    std::size_t e = std::size_t(std::ranges::upper_bound(cumulative, pick) - cumulative.begin()) - 1;
+    e = std::min(e, emitters_.size() - 1);
+    const Emitter& emitter = emitters_[e];
+    const double share = cumulative[e + 1] - cumulative[e];
+    if (!(share > 0.0)) continue;
+    const double s = std::sqrt(std::clamp((pick - cumulative[e]) / share, 0.0, 1.0));
+    const double w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
+    const glm::dvec3 q = emitter.corner_m[0] + w1 * (emitter.corner_m[1] - emitter.corner_m[0]) + w2 * (emitter.corner_m[2] - emitter.corner_m[0]);
+    const glm::dvec3 r = q - p.position_m;
+    const double d2 = glm::dot(r, r);
+    const double kernel = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, emitter.normal)) / (kPi * d2 * d2);
+    if (!(kernel > 0.0) || !std::isfinite(kernel)) continue;
+    const double weight = kernel * emitter.area_m2 / share;
+    const glm::vec2 bary = emitter.bary[0] + float(w1) * (emitter.bary[1] - emitter.bary[0]) + float(w2) * (emitter.bary[2] - emitter.bary[0]);
+    mean[n] = weight * glm::dvec3(emitter.radiance);
+    radiance[n] = emitter.textured ? weight * glm::dvec3(emissionAt(scene_, emitter.triangle, bary)) : mean[n];
+    if (glm::dot(r, p.geometricNormal) <= 0.0) radiance[n] = glm::dvec3(0.0);   // behind the surface itself
+    const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, emitter.normal);
+    rays[n] = {from, to - from, 1.0f};
+    ++n;
+  }
+  if (n == 0) return;
+  trace({rays.data(), n}, {blocked.data(), n}, Purpose::Emitter);
+  glm::dvec3 seenSum(0.0), allSum(0.0);
+  std::size_t seen = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    allSum += mean[i];
+    if (blocked[i]) continue;
+    ++seen;
+    seenSum += radiance[i];
+  }
+  for (int c = 0; c < 3; ++c)
+    if (allSum[c] > 0.0) out.illuminance[c] += unoccluded[c] * seenSum[c] / allSum[c];
+  out.mixed |= seen > 0 && seen < n;
+  if (seen > 0) out.signature = combine(out.signature, 0xe417);
+}
+
+}  // namespace lmc

@@ -1,0 +1,74 @@
+#include "libradiosity/emitters.h"
+
+#include <algorithm>
+#include <queue>
+
+#include "libscene/texture.h"
+#include "libscene/tracer.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr double kSmallestPiece = 1.0 / 64.0;   // of the level's extent: smaller pieces gain nothing that a shadow ray would see
+
+double longestEdge_m(const Emitter& e, int& edge) {
+  double longest = -1.0;
+  for (int k = 0; k < 3; ++k) {
+    const double l = glm::distance(e.corner_m[std::size_t(k)], e.corner_m[std::size_t((k + 1) % 3)]);
+    if (l > longest) {
+      longest = l;
+      edge = k;
+    }
+  }
+  return longest;
+}
+
+}  // namespace
+
+std::vector<Emitter> findEmitters(const Scene& scene, std::size_t maxCount, const Run&) {
+  std::vector<Emitter> emitters;
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
+    const Material& material = scene.materialOf(t);
+    if (strength(material.emission) <= 0.0f || isDegenerate(scene.corners_m(t))) continue;
+    Emitter e;
+    e.triangle = t;
+    e.bary = {glm::vec2(0, 0), glm::vec2(1, 0), glm::vec2(0, 1)};
+    e.corner_m = scene.corners_m(t);
+    e.area_m2 = area_m2(e.corner_m);
+    e.normal = glm::normalize(glm::cross(e.corner_m[1] - e.corner_m[0], e.corner_m[2] - e.corner_m[0]));
+    e.textured = bool(material.emissionTexture);
+    e.radiance = e.textured ? meanEmission(scene, t) : material.emission;
+    if (strength(e.radiance) <= 0.0f) continue;
+    emitters.push_back(e);
+    if (material.doubleSided) {
+      std::swap(e.corner_m[1], e.corner_m[2]);
+      std::swap(e.bary[1], e.bary[2]);
+      e.normal = -e.normal;
+      emitters.push_back(e);
+    }
+  }
+  // Halve the longest edges first.
+  const double smallest = 2.0 * double(scene.extent_m) * kSmallestPiece;
+  std::priority_queue<std::pair<double, std::size_t>> queue;
+  int edge = 0;
+  for (std::size_t i = 0; i < emitters.size(); ++i) queue.emplace(longestEdge_m(emitters[i], edge), i);
+  while (!queue.empty() && emitters.size() < maxCount && queue.top().first > smallest) {
+    const std::size_t i = queue.top().second;
+    queue.pop();
+    longestEdge_m(emitters[i], edge);
+    const auto a = std::size_t(edge), b = std::size_t((edge + 1) % 3);
+    Emitter other = emitters[i];
+    const glm::dvec3 mid = 0.5 * (other.corner_m[a] + other.corner_m[b]);
+    const glm::vec2 midBary = 0.5f * (other.bary[a] + other.bary[b]);
+    emitters[i].corner_m[b] = other.corner_m[a] = mid;
+    emitters[i].bary[b] = other.bary[a] = midBary;
+    emitters[i].area_m2 = other.area_m2 = 0.5 * other.area_m2;
+    emitters.push_back(other);
+    queue.emplace(longestEdge_m(emitters[i], edge), i);
+    queue.emplace(longestEdge_m(other, edge), emitters.size() - 1);
+  }
+  return emitters;
+}
+
+}  // namespace lmc

@@ -1,0 +1,132 @@
+#include "libradiosity/field.h"
+
+#include <cmath>
+#include <unordered_map>
+
+#include "libscene/parallel.h"
+#include "libscene/sampling.h"
+#include "libscene/texture.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr std::uint32_t kDirectPlaces = 16;   // on each patch
+constexpr std::uint32_t kSkyRays = 64;
+
+/// A place on the patch that is not a hole, facing the patch's way.
+SurfacePoint place(const Scene& scene, const PatchMesh& mesh, const Patch& patch, glm::vec2 u) {
+  const auto [triangle, bary] = mesh.sample(patch, u);
+  SurfacePoint p = surfacePoint(scene, triangle, bary);
+  p.normal = p.geometricNormal;   // patches send and receive by their true faces: with bent normals energy would not balance
+  if (patch.back) p.normal = p.geometricNormal = -p.geometricNormal;
+  return p;
+}
+
+/// Patches of twice the size: by object, direction and cell of space.
+std::vector<std::uint32_t> coarseGroups(const PatchMesh& mesh, std::uint32_t& count) {
+  std::unordered_map<std::uint64_t, std::uint32_t> cell;
+  std::vector<std::uint32_t> group(mesh.patches.size());
+  count = 0;
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    const Patch& p = mesh.patches[i];
+    const glm::dvec3 c = glm::floor(p.centre_m / (2.0 * mesh.size_m)), n = glm::floor(2.0 * p.normal + 0.5);
+    std::uint64_t key = combine(p.object, p.back);
+    for (int k = 0; k < 3; ++k) key = combine(key, combine(std::uint64_t(std::int64_t(c[k])), std::uint64_t(std::int64_t(n[k]))));
+    const auto [it, fresh] = cell.try_emplace(key, count);
+    if (fresh) ++count;
+    group[i] = it->second;
+  }
+  return group;
+}
+
+std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32_t>& group, std::uint32_t count, const std::vector<Rgb>& values) {
+  std::vector<glm::dvec3> sum(count, glm::dvec3(0.0));
+  std::vector<double> area(count, 0.0);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    sum[group[i]] += mesh.patches[i].area_m2 * glm::dvec3(values[i]);
+    area[group[i]] += mesh.patches[i].area_m2;
+  }
+  std::vector<Rgb> out(values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) out[i] = area[group[i]] > 0.0 ? Rgb(sum[group[i]] / area[group[i]]) : values[i];
+  return out;
+}
+
+}  // namespace
+
+const Rgb* DirectMap::at(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
+  const Object& object = scene.objectOf(triangle);
+  if (!illuminance || !object.receive || !object.hasUv1) return nullptr;
+  const glm::uvec3 t = scene.triangles[triangle];
+  const glm::vec2 uv = (1.0f - bary.x - bary.y) * scene.uv1[t.x] + bary.x * scene.uv1[t.y] + bary.y * scene.uv1[t.z];
+  const int x = int(std::floor(uv.x * float(width))), y = int(std::floor(uv.y * float(height)));
+  if (x < 0 || y < 0 || x >= width || y >= height) return nullptr;
+  const std::size_t i = std::size_t(y) * std::size_t(width) + std::size_t(x);
+  return chart[i] == kNone ? nullptr : illuminance + i;
+}
+
+PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const DirectLight& direct, const DirectMap& map, const Run& run) {
+  PatchLight out;
+  out.direct.assign(mesh.patches.size(), Rgb(0.0f));
+  out.sky.assign(mesh.patches.size(), Rgb(0.0f));
+  const bool sky = strength(scene.sky) > 0.0f;
+  parallelFor(run, mesh.patches.size(), 64, [&](std::size_t i) {
+    const Patch& patch = mesh.patches[i];
+    if (direct.any()) {
+      const Sobol4 numbers = sequence(run.seed, Draw::PatchDirect, 0, 0, std::uint32_t(i), 0, 0);
+      std::vector<SurfacePoint> unknown;
+      glm::dvec3 sum(0.0);
+      for (std::uint32_t k = 0; k < kDirectPlaces; ++k) {
+        const glm::vec4 u = numbers.point(k);
+        const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
+        const Rgb* known = patch.back ? nullptr : map.at(scene, p.triangle, p.bary);
+        if (known) sum += glm::dvec3(*known);
+        else unknown.push_back(p);
+      }
+      if (!unknown.empty()) {
+        const auto lights = direct.lightsFor(patch.centre_m, patch.radius_m);
+        sum += double(unknown.size()) * direct.sample(unknown, lights, numbers).illuminance;
+      }
+      out.direct[i] = Rgb(sum / double(kDirectPlaces));
+    }
+    if (sky) {
+      const Sobol4 numbers = sequence(run.seed, Draw::PatchSky, 0, 0, std::uint32_t(i), 0, 0);
+      std::array<Ray, kSkyRays> rays;
+      std::array<std::uint8_t, kSkyRays> blocked;
+      for (std::uint32_t k = 0; k < kSkyRays; ++k) {
+        const glm::vec4 u = numbers.point(k);
+        const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
+        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere({u.x, u.y});
+        rays[k] = {tracer.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
+      }
+      tracer.occluded(rays, blocked, Purpose::PatchSky);
+      std::uint32_t open = 0;
+      for (const std::uint8_t b : blocked) open += b == 0;
+      out.sky[i] = float(kPi) * scene.sky * (float(open) / float(kSkyRays));
+    }
+  });
+  return out;
+}
+
+Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const PatchLight& light, std::array<const Bounced*, 2> solutions)
+    : scene_(scene), mesh_(mesh), map_(map), direct_(light.direct) {
+  std::uint32_t count = 0;
+  const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
+  coarseDirect_ = groupMeans(mesh, group, count, direct_);
+  for (std::size_t h = 0; h < 2; ++h) {
+    indirect_[h] = *solutions[h];
+    for (std::size_t i = 0; i < indirect_[h].size(); ++i) indirect_[h][i] += light.sky[i];
+    coarseIndirect_[h] = groupMeans(mesh, group, count, indirect_[h]);
+  }
+}
+
+Field::Seen Field::at(const Hit& hit, int half) const {
+  const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
+  if (id == kNone) return {};
+  const Rgb* known = hit.front ? map_.at(scene_, hit.triangle, hit.bary) : nullptr;
+  const Rgb rho = mesh_.patches[id].reflectance;
+  const auto h = std::size_t(half);
+  return {rho * ((known ? *known : direct_[id]) + indirect_[h][id]), rho * ((known ? *known : coarseDirect_[id]) + coarseIndirect_[h][id])};
+}
+
+}  // namespace lmc

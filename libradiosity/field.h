@@ -1,0 +1,50 @@
+#pragma once
+/// The light on patches, and what a ray that hits one of them brings back.
+#include <array>
+#include <vector>
+
+#include "libradiosity/direct.h"
+#include "libradiosity/patch_mesh.h"
+
+namespace lmc {
+
+/// Direct light of the map's texels, for hits that deserve better than a patch's mean. A view: the map state owns it.
+struct DirectMap {
+  int width = 0, height = 0;
+  const Rgb* illuminance = nullptr;      ///< one a texel [lx]; nullptr = none
+  const std::uint32_t* chart = nullptr;  ///< one a texel; kNone = not covered
+  explicit operator bool() const { return illuminance != nullptr; }
+  /// The texel under a place, or nullptr where the object has no place in the map.
+  const Rgb* at(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;
+};
+
+/// Illuminance on patches before any bounce [lx].
+struct PatchLight {
+  std::vector<Rgb> direct;   ///< punctual lights and emitters
+  std::vector<Rgb> sky;
+};
+PatchLight lightPatches(const Scene&, const Tracer&, const PatchMesh&, const DirectLight&, const DirectMap&, const Run&);
+
+/// A solution: illuminance by at least one bounce on each patch [lx].
+using Bounced = std::vector<Rgb>;
+
+/// Exitance of the level as hemisphere rays see it. Two independent solutions, one for each half of a texel's rays, let the noise of the
+/// solver show in the difference of the halves; a coarse copy (means over groups of patches twice the size) shows what patch size costs.
+class Field {
+ public:
+  Field(const Scene&, const PatchMesh&, const DirectMap&, const PatchLight&, std::array<const Bounced*, 2> solutions);
+  struct Seen {
+    Rgb exitance{0.0f};   ///< B [lm/m^2]; emitted light is not in it
+    Rgb coarse{0.0f};     ///< the same from patches twice the size
+  };
+  Seen at(const Hit&, int half) const;
+
+ private:
+  const Scene& scene_;
+  const PatchMesh& mesh_;
+  DirectMap map_;
+  std::vector<Rgb> direct_, coarseDirect_;
+  std::array<std::vector<Rgb>, 2> indirect_, coarseIndirect_;   // sky and bounces
+};
+
+}  // namespace lmc

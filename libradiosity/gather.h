@@ -1,0 +1,38 @@
+#pragma once
+/// Hemisphere rays of a texel: what they bring back from the patch solution, and how many see the sky.
+#include <cstdint>
+
+#include "libradiosity/field.h"
+
+namespace lmc {
+
+/// Sums over the rays of one half of a texel.
+struct Gathered {
+  glm::dvec3 bounced{0.0};     ///< sum of exitance met: E = sum / rays
+  glm::dvec3 coarse{0.0};      ///< the same from patches of twice the size
+  std::uint32_t sky = 0;       ///< rays that left the level: E_sky = pi L sky / rays
+  Gathered& operator+=(const Gathered& o) {
+    bounced += o.bounced;
+    coarse += o.coarse;
+    sky += o.sky;
+    return *this;
+  }
+};
+
+class Gather {
+ public:
+  /// `field` may be null: then rays only ask for the sky, and cost what an occlusion ray costs.
+  Gather(const Scene& scene, const Tracer& tracer, const Field* field, std::uint64_t seed) : scene_(scene), tracer_(tracer), field_(field), seed_(seed) {}
+
+  /// Rays [begin, end) of the texel's sequence: ray k is the same whatever else is asked. E about the interpolated normal; a direction below
+  /// the face itself counts as blocked and is not cast.
+  Gathered rays(const TexelTile&, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const;
+
+ private:
+  const Scene& scene_;
+  const Tracer& tracer_;
+  const Field* field_;
+  std::uint64_t seed_;
+};
+
+}  // namespace lmc

@@ -1,0 +1,404 @@
+#include "libradiosity/patch_mesh.h"
+
+#include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <deque>
+#include <queue>
+#include <unordered_map>
+
+#include "libscene/rng.h"
+#include "libscene/texture.h"
+#include "libscene/tracer.h"
+
+namespace lmc {
+
+namespace {
+
+struct Traits : OpenMesh::DefaultTraits {
+  using Point = OpenMesh::Vec3d;
+  using Normal = OpenMesh::Vec3d;
+  FaceAttributes(0);
+  VertexAttributes(0);
+  HalfedgeAttributes(OpenMesh::Attributes::PrevHalfedge);
+  EdgeAttributes(0);
+  FaceTraits {
+    std::uint32_t node = kNone;                          // in PatchMesh::nodes
+    std::uint32_t triangle = kNone;                      // of the scene
+    std::array<OpenMesh::VertexHandle, 3> corner;        // in the node's order
+    std::array<glm::vec2, 3> bary;                       // in the triangle's weights
+  };
+};
+using Mesh = OpenMesh::TriMesh_ArrayKernelT<Traits>;
+
+constexpr float kReflectanceSpread = 0.05f;   // of one group; steps of this size over a few patches leave the bounced light as it is
+constexpr int kMaskSamples = 64;              // per leaf, for its share of holes
+
+bool reflects(const Scene& scene, std::uint32_t t) {
+  const Object& object = scene.objectOf(t);
+  return object.cast && scene.materials[object.material].opaqueToLight() && !isDegenerate(scene.corners_m(t));
+}
+
+struct PositionHash {
+  std::size_t operator()(const glm::vec3& p) const {
+    std::uint32_t b[3];
+    const glm::vec3 q = p + 0.0f;   // -0 and 0 are one place
+    std::memcpy(b, &q, sizeof b);
+    return combine(combine(b[0], b[1]), b[2]);
+  }
+};
+
+/// All reflecting triangles, welded by position; where that is not manifold a triangle keeps corners of its own.
+Mesh weld(const Scene& scene, std::vector<PatchMesh::Node>& nodes, std::uint64_t& unjoined) {
+  Mesh mesh;
+  std::unordered_map<glm::vec3, OpenMesh::VertexHandle, PositionHash> at;
+  const auto point = [](const glm::vec3& p) { return OpenMesh::Vec3d(p.x, p.y, p.z); };
+  nodes.assign(scene.triangles.size(), {});
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
+    if (!reflects(scene, t)) continue;
+    std::array<OpenMesh::VertexHandle, 3> v;
+    for (int k = 0; k < 3; ++k) {
+      const glm::vec3 p = scene.positions_m[scene.triangles[t][k]];
+      const auto [it, fresh] = at.try_emplace(p + 0.0f);
+      if (fresh) it->second = mesh.add_vertex(point(p));
+      v[std::size_t(k)] = it->second;
+    }
+    // add_face complains on stderr about complex edges: ask before.
+    bool manifold = v[0] != v[1] && v[1] != v[2] && v[2] != v[0];
+    for (int k = 0; k < 3 && manifold; ++k) {
+      const auto a = v[std::size_t(k)], b = v[std::size_t((k + 1) % 3)];
+      const OpenMesh::HalfedgeHandle h = mesh.find_halfedge(a, b);
+      manifold = mesh.is_boundary(a) && (!h.is_valid() || mesh.is_boundary(h));
+    }
+    OpenMesh::FaceHandle f;
+    if (manifold) {
+      omerr().disable();
+      f = mesh.add_face(v[0], v[1], v[2]);
+      omerr().enable();
+    }
+    if (!f.is_valid()) {
+      ++unjoined;
+      for (int k = 0; k < 3; ++k) v[std::size_t(k)] = mesh.add_vertex(point(scene.positions_m[scene.triangles[t][k]]));
+      f = mesh.add_face(v[0], v[1], v[2]);
+    }
+    auto& data = mesh.data(f);
+    data.node = data.triangle = t;
+    data.corner = v;
+    data.bary = {glm::vec2(0, 0), glm::vec2(1, 0), glm::vec2(0, 1)};
+  }
+  return mesh;
+}
+
+/// Cuts the longest edge of the mesh in the middle until none is longer than `maxEdge_m`. The longest edge of all is the longest of both
+/// its triangles, so that angles do not get worse than those of the input; both sides of an edge are cut at one place.
+void subdivide(Mesh& mesh, double maxEdge_m, std::vector<PatchMesh::Node>& nodes) {
+  using Entry = std::pair<double, int>;
+  const auto later = [](const Entry& a, const Entry& b) { return a.first != b.first ? a.first < b.first : a.second > b.second; };
+  std::priority_queue<Entry, std::vector<Entry>, decltype(later)> queue(later);
+  const auto push = [&](OpenMesh::EdgeHandle e) {
+    const double l = mesh.calc_edge_length(e);
+    if (l > maxEdge_m) queue.emplace(l, e.idx());
+  };
+  for (const auto e : mesh.edges()) push(e);
+
+  struct Parent {
+    OpenMesh::FaceHandle face;
+    std::uint32_t node, triangle;
+    std::array<OpenMesh::VertexHandle, 3> corner;   // p, q, apex: p-q is cut, p the first in the node's order
+    std::array<glm::vec2, 3> bary;
+  };
+  while (!queue.empty()) {
+    const auto [length, index] = queue.top();
+    queue.pop();
+    const OpenMesh::EdgeHandle e = mesh.edge_handle(unsigned(index));
+    if (mesh.calc_edge_length(e) != length) continue;   // was cut since
+    std::array<Parent, 2> parents;
+    int count = 0;
+    for (int side = 0; side < 2; ++side) {
+      const OpenMesh::FaceHandle f = mesh.face_handle(mesh.halfedge_handle(e, unsigned(side)));
+      if (!f.is_valid()) continue;
+      const auto& data = mesh.data(f);
+      const OpenMesh::VertexHandle apex = mesh.opposite_vh(mesh.halfedge_handle(e, unsigned(side)));
+      const auto k = std::size_t(std::ranges::find(data.corner, apex) - data.corner.begin());
+      const std::size_t p = (k + 1) % 3, q = (k + 2) % 3;
+      parents[std::size_t(count++)] = {f, data.node, data.triangle, {data.corner[p], data.corner[q], apex}, {data.bary[p], data.bary[q], data.bary[k]}};
+      nodes[data.node].edge = std::uint8_t(p);
+    }
+    const OpenMesh::VertexHandle m = mesh.add_vertex(mesh.calc_edge_midpoint(e));
+    mesh.split(e, m);
+    for (int i = 0; i < count; ++i) {
+      const Parent& parent = parents[std::size_t(i)];
+      const glm::vec2 mid = 0.5f * (parent.bary[0] + parent.bary[1]);
+      for (const OpenMesh::FaceHandle f : mesh.vf_range(m)) {
+        bool hasApex = false, hasP = false;
+        for (const OpenMesh::VertexHandle v : mesh.fv_range(f)) {
+          hasApex |= v == parent.corner[2];
+          hasP |= v == parent.corner[0];
+        }
+        if (!hasApex) continue;
+        if (count == 2 && parents[0].corner[2] == parents[1].corner[2]) {
+          // Two triangles back to back share all corners: tell them apart by their winding.
+          bool same = false;
+          for (const OpenMesh::HalfedgeHandle h : mesh.fh_range(f))
+            same |= mesh.from_vertex_handle(h) == parent.corner[2] && mesh.to_vertex_handle(h) == parent.corner[0];
+          for (const OpenMesh::HalfedgeHandle h : mesh.fh_range(f))
+            same |= mesh.from_vertex_handle(h) == parent.corner[1] && mesh.to_vertex_handle(h) == parent.corner[2];
+          if (!same) continue;
+        }
+        auto& data = mesh.data(f);
+        const std::uint32_t child = std::uint32_t(nodes.size());
+        nodes.emplace_back();
+        nodes[parent.node].child[hasP ? 0 : 1] = child;
+        data.node = child;
+        data.triangle = parent.triangle;
+        if (hasP) {
+          data.corner = {parent.corner[0], m, parent.corner[2]};
+          data.bary = {parent.bary[0], mid, parent.bary[2]};
+        } else {
+          data.corner = {m, parent.corner[1], parent.corner[2]};
+          data.bary = {mid, parent.bary[1], parent.bary[2]};
+        }
+      }
+    }
+    for (const OpenMesh::EdgeHandle around : mesh.ve_range(m)) push(around);
+  }
+}
+
+glm::dvec3 at(const Mesh& mesh, OpenMesh::VertexHandle v) {
+  const auto& p = mesh.point(v);
+  return {p[0], p[1], p[2]};
+}
+
+struct Box {
+  glm::dvec3 lo{1e300}, hi{-1e300};
+  void add(const glm::dvec3& p) {
+    lo = glm::min(lo, p);
+    hi = glm::max(hi, p);
+  }
+};
+
+/// Numbers of the groups of adjacent faces, and what a group is like.
+struct Grouping {
+  std::vector<std::uint32_t> groupOf;   // one a face
+  std::uint32_t count = 0;
+};
+
+Grouping group(const Scene& scene, const Mesh& mesh, const std::vector<Rgb>& reflectance, double diameter_m, double maxBend_rad) {
+  Grouping g;
+  g.groupOf.assign(mesh.n_faces(), kNone);
+  const double minCos = std::cos(maxBend_rad);
+  std::vector<glm::dvec3> normals(mesh.n_faces());
+  for (const auto f : mesh.faces()) {
+    const auto& c = mesh.data(f).corner;
+    normals[std::size_t(f.idx())] = glm::normalize(glm::cross(at(mesh, c[1]) - at(mesh, c[0]), at(mesh, c[2]) - at(mesh, c[0])));
+  }
+  std::deque<int> front;
+  for (const auto seed : mesh.faces()) {
+    if (g.groupOf[std::size_t(seed.idx())] != kNone) continue;
+    const std::uint32_t id = g.count++;
+    const std::uint32_t object = scene.triangleObject[mesh.data(seed).triangle];
+    const glm::dvec3 normal = normals[std::size_t(seed.idx())];
+    const Rgb rho = reflectance[std::size_t(seed.idx())];
+    Box box;
+    for (const auto v : mesh.data(seed).corner) box.add(at(mesh, v));
+    g.groupOf[std::size_t(seed.idx())] = id;
+    front.assign(1, seed.idx());
+    while (!front.empty()) {
+      const auto f = mesh.face_handle(unsigned(front.front()));
+      front.pop_front();
+      for (const OpenMesh::FaceHandle n : mesh.ff_range(f)) {
+        const std::size_t i = std::size_t(n.idx());
+        if (g.groupOf[i] != kNone || scene.triangleObject[mesh.data(n).triangle] != object || glm::dot(normals[i], normal) < minCos) continue;
+        const Rgb d = glm::abs(reflectance[i] - rho);
+        if (std::max({d.r, d.g, d.b}) > kReflectanceSpread) continue;
+        Box grown = box;
+        for (const auto v : mesh.data(n).corner) grown.add(at(mesh, v));
+        if (glm::length(grown.hi - grown.lo) > diameter_m) continue;
+        box = grown;
+        g.groupOf[i] = id;
+        front.push_back(n.idx());
+      }
+    }
+  }
+  return g;
+}
+
+/// Groups far smaller than a patch that nothing adjacent could take in (leaves, chain links, triangle soup): joined with others of the
+/// same object, cell of space and direction.
+void joinScattered(const Scene& scene, const Mesh& mesh, Grouping& g, double size_m) {
+  std::vector<double> area(g.count, 0.0);
+  std::vector<glm::dvec3> centre(g.count, glm::dvec3(0.0)), normal(g.count, glm::dvec3(0.0));
+  std::vector<std::uint32_t> object(g.count, 0);
+  for (const auto f : mesh.faces()) {
+    const auto& c = mesh.data(f).corner;
+    const glm::dvec3 n = 0.5 * glm::cross(at(mesh, c[1]) - at(mesh, c[0]), at(mesh, c[2]) - at(mesh, c[0]));
+    const std::uint32_t id = g.groupOf[std::size_t(f.idx())];
+    const double a = glm::length(n);
+    area[id] += a;
+    normal[id] += n;
+    centre[id] += a * (at(mesh, c[0]) + at(mesh, c[1]) + at(mesh, c[2])) / 3.0;
+    object[id] = scene.triangleObject[mesh.data(f).triangle];
+  }
+  std::unordered_map<std::uint64_t, std::uint32_t> cell;
+  std::vector<std::uint32_t> to(g.count);
+  std::uint32_t count = 0;
+  for (std::uint32_t id = 0; id < g.count; ++id) {
+    if (area[id] >= 0.1 * size_m * size_m) {
+      to[id] = count++;
+      continue;
+    }
+    const glm::dvec3 c = glm::floor(centre[id] / area[id] / size_m);
+    const glm::dvec3 n = glm::length(normal[id]) > 0.0 ? glm::normalize(normal[id]) : glm::dvec3(0.0);
+    const glm::dvec3 d = glm::floor(1.5 * n + 0.5);   // 26 directions or so
+    std::uint64_t key = object[id];
+    for (int k = 0; k < 3; ++k) key = combine(key, combine(std::uint64_t(std::int64_t(c[k])), std::uint64_t(std::int64_t(d[k]))));
+    const auto [it, fresh] = cell.try_emplace(key, count);
+    if (fresh) ++count;
+    to[id] = it->second;
+  }
+  for (std::uint32_t& id : g.groupOf) id = to[id];
+  g.count = count;
+}
+
+/// Share of a leaf that is not a hole.
+double opaqueShare(const Scene& scene, const Leaf& leaf) {
+  if (scene.materialOf(leaf.triangle).alpha != Material::Alpha::Mask) return 1.0;
+  const Sobol4 points(combine(leaf.triangle, 7));
+  int opaque = 0;
+  for (int i = 0; i < kMaskSamples; ++i) {
+    const glm::vec2 u = points.point2(std::uint32_t(i));
+    const float s = std::sqrt(u.x);
+    const glm::vec2 bary = leaf.bary[0] + s * (1.0f - u.y) * (leaf.bary[1] - leaf.bary[0]) + s * u.y * (leaf.bary[2] - leaf.bary[0]);
+    opaque += alphaAt(scene, leaf.triangle, bary) >= scene.materialOf(leaf.triangle).alphaCutoff;
+  }
+  return double(opaque) / kMaskSamples;
+}
+
+PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run) {
+  PatchMesh out;
+  out.size_m = options.size_m;
+  Mesh mesh = weld(scene, out.nodes, out.unjoined);
+  run.progress(0.2);
+  const double diameter_m = std::sqrt(2.0) * options.size_m * (1.0 + 1e-9);
+  subdivide(mesh, diameter_m, out.nodes);
+  run.progress(0.6);
+
+  std::vector<Rgb> reflectance(mesh.n_faces());
+  std::unordered_map<std::uint32_t, Rgb> ofTriangle;
+  for (const auto f : mesh.faces()) {
+    const std::uint32_t t = mesh.data(f).triangle;
+    const auto [it, fresh] = ofTriangle.try_emplace(t);
+    if (fresh) it->second = meanReflectance(scene, t);
+    reflectance[std::size_t(f.idx())] = it->second;
+  }
+  Grouping groups = group(scene, mesh, reflectance, diameter_m, options.maxBend_rad);
+  joinScattered(scene, mesh, groups, options.size_m);
+  run.progress(0.8);
+
+  // Groups become patches in order of their numbers; a double-sided one is followed by its back.
+  std::vector<std::uint32_t> first(groups.count + 1, 0);
+  for (const std::uint32_t g : groups.groupOf) ++first[g + 1];
+  for (std::size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
+  std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+  std::vector<int> faceAt(mesh.n_faces());
+  for (const auto f : mesh.faces()) faceAt[next[groups.groupOf[std::size_t(f.idx())]]++] = f.idx();
+  out.leaves.reserve(mesh.n_faces());
+  for (std::uint32_t g = 0; g < groups.count; ++g) {
+    Patch patch;
+    patch.firstLeaf = std::uint32_t(out.leaves.size());
+    double whole = 0.0;
+    glm::dvec3 normal(0.0), rho(0.0);
+    bool twoSided = false;
+    const std::uint32_t id = std::uint32_t(out.patches.size());
+    for (std::uint32_t i = first[g]; i < first[g + 1]; ++i) {
+      const auto f = mesh.face_handle(unsigned(faceAt[i]));
+      const auto& data = mesh.data(f);
+      const std::array<glm::dvec3, 3> c{at(mesh, data.corner[0]), at(mesh, data.corner[1]), at(mesh, data.corner[2])};
+      Leaf leaf{data.triangle, data.bary, float(lmc::area_m2(c))};
+      const double a = lmc::area_m2(c), open = a * opaqueShare(scene, leaf);
+      whole += a;
+      patch.area_m2 += open;
+      normal += glm::cross(c[1] - c[0], c[2] - c[0]);
+      patch.centre_m += a * (c[0] + c[1] + c[2]) / 3.0;
+      rho += a * glm::dvec3(reflectance[std::size_t(f.idx())]);
+      patch.object = scene.triangleObject[data.triangle];
+      twoSided = scene.materialOf(data.triangle).doubleSided;
+      out.leaves.push_back(leaf);
+      out.nodes[data.node].patch = id;
+      out.nodes[data.node].twoSided = twoSided;
+    }
+    patch.leafCount = std::uint32_t(out.leaves.size()) - patch.firstLeaf;
+    patch.centre_m /= whole;
+    patch.reflectance = Rgb(rho / whole);
+    patch.normal = glm::length(normal) > 0.0 ? glm::normalize(normal) : glm::dvec3(0.0, 1.0, 0.0);
+    for (std::uint32_t i = first[g]; i < first[g + 1]; ++i)
+      for (const auto v : mesh.data(mesh.face_handle(unsigned(faceAt[i]))).corner) patch.radius_m = std::max(patch.radius_m, glm::distance(at(mesh, v), patch.centre_m));
+    out.patches.push_back(patch);
+    if (twoSided) {
+      patch.normal = -patch.normal;
+      patch.back = true;
+      out.patches.push_back(patch);
+    }
+  }
+  run.progress(1.0);
+  return out;
+}
+
+}  // namespace
+
+double reflectingArea_m2(const Scene& scene) {
+  double sum = 0.0;
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t)
+    if (reflects(scene, t)) sum += area_m2(scene.corners_m(t));
+  return sum;
+}
+
+PatchMesh makePatches(const Scene& scene, const PatchOptions& options, const Run& run) {
+  PatchOptions grown = options;
+  // A size that would cut the level's area into far more patches than allowed is not even tried.
+  grown.size_m = std::max(grown.size_m, std::sqrt(reflectingArea_m2(scene) / options.maxPatches));
+  for (;;) {
+    PatchMesh mesh = build(scene, grown, run);
+    if (mesh.patches.size() <= options.maxPatches) return mesh;
+    grown.size_m *= std::max(1.25, std::sqrt(double(mesh.patches.size()) / options.maxPatches));
+  }
+}
+
+std::uint32_t PatchMesh::patchAt(std::uint32_t triangle, glm::vec2 bary, bool front) const {
+  std::array<float, 3> w{1.0f - bary.x - bary.y, bary.x, bary.y};
+  const Node* node = &nodes[triangle];
+  while (node->child[0] != kNone) {
+    const float p = w[node->edge], q = w[(node->edge + 1) % 3u], apex = w[(node->edge + 2) % 3u];
+    // Weights in the half that holds the place: (p, m, apex) or (m, q, apex), m the middle of p and q.
+    if (p >= q) {
+      w = {p - q, 2.0f * q, apex};
+      node = &nodes[node->child[0]];
+    } else {
+      w = {2.0f * p, q - p, apex};
+      node = &nodes[node->child[1]];
+    }
+  }
+  if (node->patch == kNone) return kNone;
+  if (front) return node->patch;
+  return node->twoSided ? node->patch + 1 : kNone;
+}
+
+std::pair<std::uint32_t, glm::dvec2> PatchMesh::sample(const Patch& patch, glm::vec2 u) const {
+  double whole = 0.0;
+  for (std::uint32_t i = 0; i < patch.leafCount; ++i) whole += leaves[patch.firstLeaf + i].area_m2;
+  double target = double(u.x) * whole;
+  const Leaf* leaf = &leaves[patch.firstLeaf];
+  double rest = 0.5;
+  for (std::uint32_t i = 0; i < patch.leafCount; ++i) {
+    leaf = &leaves[patch.firstLeaf + i];
+    rest = target / leaf->area_m2;
+    if (rest < 1.0) break;
+    target -= leaf->area_m2;
+  }
+  const double s = std::sqrt(std::clamp(rest, 0.0, 1.0));
+  const glm::dvec2 a(leaf->bary[0]), b(leaf->bary[1]), c(leaf->bary[2]);
+  return {leaf->triangle, a + s * (1.0 - double(u.y)) * (b - a) + s * double(u.y) * (c - a)};
+}
+
+}  // namespace lmc

@@ -1,0 +1,23 @@
+#pragma once
+/// Elements of accessors as plain arrays, whatever their component type, stride or sparseness. Private to libscene.
+/// Ranges have been checked by gltf_check.h; only values are left to judge.
+#include <cstdint>
+#include <vector>
+
+#include "libscene/gltf_read.h"
+
+namespace lmc {
+
+/// 1 for SCALAR, 3 for VEC3, 16 for MAT4.
+int componentCount(const tinygltf::Accessor& accessor);
+
+/// componentCount() values an element; normalised integers are mapped as the glTF specification says (section 3.11).
+std::vector<float> readFloats(const GltfFile& file, const tinygltf::Model& model, int accessor);
+
+/// Unsigned integers of a SCALAR accessor.
+std::vector<std::uint32_t> readIndices(const GltfFile& file, const tinygltf::Model& model, int accessor);
+
+/// Indices of all primitives and sparse accessors, whether a scene shows them or not: in range, and no restart values.
+void checkIndexValues(const GltfFile& file, const tinygltf::Model& model);
+
+}  // namespace lmc

@@ -1,0 +1,36 @@
+#pragma once
+/// A glTF primitive as an indexed triangle list in its own space. Private to libscene.
+#include <glm/glm.hpp>
+#include <limits>
+#include <vector>
+
+#include "libscene/gltf_read.h"
+
+namespace lmc {
+
+/// All vertex arrays are empty or have one entry a vertex.
+struct Part {
+  std::vector<glm::vec3> positions, normals;
+  std::vector<glm::vec2> uv0, uv1;
+  std::vector<glm::vec4> colors;
+  std::vector<glm::uvec3> triangles;
+};
+
+/// A triangle with less has no area in single precision and is left out.
+inline constexpr double kMinTwiceArea = std::numeric_limits<float>::min();
+
+/// What a primitive will hold, known without reading its values.
+bool hasTriangles(const tinygltf::Primitive& primitive);                    ///< mode, and POSITION is there
+std::uint64_t triangleCount(const tinygltf::Model& model, const tinygltf::Primitive& primitive);
+
+struct PartReport {
+  std::uint64_t degenerate = 0;        ///< triangles without area, left out
+  std::uint64_t normalsRebuilt = 0;    ///< zero or not finite, made from the faces at the vertex
+  std::uint64_t normalsNotUnit = 0;    ///< length off by more than a tenth
+};
+
+/// Strips, fans and lists, indexed or not. Where normals are missing each triangle gets corners of its own and the normal of
+/// its face. Normals are unit. Throws Error for values that no level can mean: not finite, index out of range.
+Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, PartReport& report);
+
+}  // namespace lmc

@@ -1,0 +1,63 @@
+#pragma once
+/// Two loops are enough (TBB only here and in parallel users of `withThreads`). Both give the same bits for any number of threads, as long as
+/// f(i) writes nothing but what belongs to i.
+#include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "libscene/run.h"
+
+namespace lmc {
+
+inline int threadCount(const Run& run) { return run.threads > 0 ? run.threads : int(std::max(1u, std::thread::hardware_concurrency())); }
+
+/// Runs f with run.threads workers; everything parallel inside uses them.
+template <class F>
+void withThreads(const Run& run, F&& f) {
+  const int n = threadCount(run);
+  tbb::global_control limit(tbb::global_control::max_allowed_parallelism, std::size_t(n));
+  tbb::task_arena arena(n);
+  arena.execute(f);
+}
+
+/// f(i) for every i in [0, n), `grain` indices at a time. Reports progress in steps of work done; an exception of any f(i) (Cancelled
+/// among them) ends the loop and comes out of it.
+template <class F>
+void parallelFor(const Run& run, std::size_t n, std::size_t grain, F&& f) {
+  if (n == 0) return;
+  std::atomic<std::size_t> done{0};
+  std::mutex reporting;
+  tbb::parallel_for(
+      tbb::blocked_range<std::size_t>(0, n, std::max<std::size_t>(1, grain)),
+      [&](const tbb::blocked_range<std::size_t>& range) {
+        for (std::size_t i = range.begin(); i != range.end(); ++i) f(i);
+        const std::size_t now = done.fetch_add(range.size()) + range.size();
+        if (std::unique_lock lock(reporting, std::try_to_lock); lock) run.progress(double(now) / double(n));
+      },
+      tbb::simple_partitioner());
+}
+
+/// Sum of f(i), added in blocks of a fixed size and the blocks in index order: the same bits for any number of threads.
+template <class T, class F>
+T orderedSum(const Run& run, std::size_t n, F&& f, T zero = T{}) {
+  constexpr std::size_t kBlock = 4096;
+  std::vector<T> blocks((n + kBlock - 1) / kBlock, zero);
+  parallelFor(run, blocks.size(), 1, [&](std::size_t b) {
+    T sum = zero;
+    for (std::size_t i = b * kBlock, end = std::min(n, i + kBlock); i < end; ++i) sum += f(i);
+    blocks[b] = sum;
+  });
+  T sum = zero;
+  for (const T& b : blocks) sum += b;
+  return sum;
+}
+
+}  // namespace lmc

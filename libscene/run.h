@@ -1,0 +1,29 @@
+#pragma once
+/// What every stage gets besides its inputs: threads, seed, progress and a place for messages.
+#include <cstdint>
+#include <functional>
+
+#include "libscene/error.h"
+
+namespace lmc {
+
+struct Run {
+  int threads = 0;                                   ///< 0 = all; never changes a result
+  std::uint64_t seed = 1;                            ///< with the level and the options, all that a result depends on
+  std::function<bool(double)> onProgress;            ///< share of the stage done in [0, 1]; return false to stop
+  std::function<void(const Message&)> onMessage;     ///< warnings and notes; may be empty
+
+  void progress(double share) const {
+    if (onProgress && !onProgress(share)) throw Cancelled();
+  }
+  void note(Message m) const {
+    m.level = Message::Level::Note;
+    if (onMessage) onMessage(m);
+  }
+  void warn(Message m) const {
+    m.level = Message::Level::Warning;
+    if (onMessage) onMessage(m);
+  }
+};
+
+}  // namespace lmc

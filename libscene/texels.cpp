@@ -1,0 +1,221 @@
+#include "libscene/texels.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "libscene/polygon2.h"
+#include "libscene/tracer.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr double kMinFragment_texel2 = 1e-9;   // slivers of rounding along shared edges
+constexpr double kWholeSquare = 1.0 - 1e-6;
+
+/// A triangle in texel coordinates of its map, counter-clockwise whatever the chart's mirroring.
+struct MapTriangle {
+  std::array<glm::dvec2, 3> corner;
+  std::array<int, 3> order{0, 1, 2};
+  glm::dvec2 lo, hi;
+};
+
+MapTriangle mapTriangle(const Scene& scene, std::uint32_t triangle, int width, int height) {
+  MapTriangle m;
+  const glm::uvec3 t = scene.triangles[triangle];
+  for (int k = 0; k < 3; ++k) m.corner[std::size_t(k)] = glm::dvec2(scene.uv1[t[k]]) * glm::dvec2(width, height);
+  if (Polygon2::cross(m.corner[1] - m.corner[0], m.corner[2] - m.corner[0]) < 0.0) {
+    std::swap(m.corner[1], m.corner[2]);
+    m.order = {0, 2, 1};
+  }
+  m.lo = glm::min(glm::min(m.corner[0], m.corner[1]), m.corner[2]);
+  m.hi = glm::max(glm::max(m.corner[0], m.corner[1]), m.corner[2]);
+  return m;
+}
+
+/// bary0, baryX, baryY of a fragment: the inverse of the triangle's UV map, about the texel's corner.
+void setBary(Fragment& f, const MapTriangle& m, glm::dvec2 origin) {
+  const glm::dvec2 e1 = m.corner[1] - m.corner[0], e2 = m.corner[2] - m.corner[0];
+  const double det = Polygon2::cross(e1, e2);
+  const glm::dvec2 d = origin - m.corner[0];
+  glm::dvec2 b0(Polygon2::cross(d, e2) / det, Polygon2::cross(e1, d) / det);
+  glm::dvec2 bx(e2.y / det, -e1.y / det), by(-e2.x / det, e1.x / det);
+  if (m.order[1] == 2) {
+    std::swap(b0.x, b0.y);
+    std::swap(bx.x, bx.y);
+    std::swap(by.x, by.y);
+  }
+  f.bary0 = b0;
+  f.baryX = bx;
+  f.baryY = by;
+}
+
+glm::dvec2 insideTriangle(glm::dvec2 b) {
+  b = glm::max(b, glm::dvec2(0.0));
+  const double sum = b.x + b.y;
+  return sum > 1.0 ? b / sum : b;
+}
+
+}  // namespace
+
+SurfacePoint surfacePoint(const Scene& scene, std::uint32_t triangle, glm::dvec2 bary) {
+  const auto c = scene.corners_m(triangle);
+  const glm::uvec3 t = scene.triangles[triangle];
+  SurfacePoint p;
+  p.triangle = triangle;
+  p.bary = glm::vec2(bary);
+  p.position_m = c[0] + bary.x * (c[1] - c[0]) + bary.y * (c[2] - c[0]);
+  const glm::dvec3 n = glm::cross(c[1] - c[0], c[2] - c[0]);
+  const double length = glm::length(n);
+  p.geometricNormal = length > 0.0 ? n / length : glm::dvec3(0.0, 1.0, 0.0);
+  const glm::dvec3 s = (1.0 - bary.x - bary.y) * glm::dvec3(scene.normals[t.x]) + bary.x * glm::dvec3(scene.normals[t.y]) + bary.y * glm::dvec3(scene.normals[t.z]);
+  const double l = glm::length(s);
+  p.normal = l > 1e-12 ? s / l : p.geometricNormal;
+  return p;
+}
+
+SurfacePoint sampleTexel(const Scene& scene, const TexelTile& tile, const Texel& texel, glm::vec2 u) {
+  assert(texel.fragmentCount > 0);
+  const Fragment* fragments = tile.fragments.data() + texel.firstFragment;
+  const Fragment* chosen = fragments;
+  glm::dvec2 at(u);
+  if (texel.coverage >= kWholeSquare) {
+    // The square is full: keep the sample where it is, so that its stratification holds, and find who lies there.
+    double best = -1e300;
+    for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
+      const glm::dvec2 b = fragments[i].bary0 + at.x * fragments[i].baryX + at.y * fragments[i].baryY;
+      const double inside = std::min({b.x, b.y, 1.0 - b.x - b.y});
+      if (inside > best) {
+        best = inside;
+        chosen = fragments + i;
+      }
+    }
+  } else {
+    // Choose a triangle of the fans by area with u.x, and use what is left of u.x again within it.
+    double target = double(u.x) * texel.coverage;
+    glm::dvec2 a(0.0), b(0.0), c(0.0);
+    double part = 0.0;
+    for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
+      const glm::dvec2* p = tile.corners.data() + fragments[i].firstCorner;
+      bool found = false;
+      for (std::uint32_t k = 2; k < fragments[i].cornerCount; ++k) {
+        const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
+        if (area <= 0.0) continue;
+        chosen = fragments + i;
+        a = p[0];
+        b = p[k - 1];
+        c = p[k];
+        part = area;
+        found = target < area;
+        if (found) break;
+        target -= area;
+      }
+      if (found) break;
+    }
+    const double s = std::sqrt(std::clamp(part > 0.0 ? target / part : 0.5, 0.0, 1.0));
+    at = a + s * (1.0 - double(u.y)) * (b - a) + s * double(u.y) * (c - a);
+  }
+  return surfacePoint(scene, chosen->triangle, insideTriangle(chosen->bary0 + at.x * chosen->baryX + at.y * chosen->baryY));
+}
+
+TexelMap::TexelMap(const Scene& scene, const Charts& charts, int width, int height) : scene_(scene), charts_(charts), width_(width), height_(height) {
+  // Two passes over the triangles: count, then place. Triangles of a tile stay in order of their number.
+  const auto forTiles = [&](auto&& f) {
+    for (std::uint32_t t = 0; t < scene_.triangles.size(); ++t) {
+      if (charts_.chartOf[t] == kNone) continue;
+      const MapTriangle m = mapTriangle(scene_, t, width_, height_);
+      const glm::dvec2 size(width_, height_);
+      const glm::dvec2 lo = glm::clamp(m.lo - double(kApron), glm::dvec2(0.0), size), hi = glm::clamp(m.hi + double(kApron), glm::dvec2(0.0), size);
+      const int x1 = std::min(tilesX() - 1, int(hi.x) / kTile), y1 = std::min(tilesY() - 1, int(hi.y) / kTile);
+      for (int y = int(lo.y) / kTile; y <= y1; ++y)
+        for (int x = int(lo.x) / kTile; x <= x1; ++x) f(std::size_t(y) * std::size_t(tilesX()) + std::size_t(x), t);
+    }
+  };
+  first_.assign(tileCount() + 1, 0);
+  forTiles([&](std::size_t tile, std::uint32_t) { ++first_[tile + 1]; });
+  for (std::size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
+  triangles_.resize(first_.back());
+  std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
+  forTiles([&](std::size_t tile, std::uint32_t t) { triangles_[next[tile]++] = t; });
+}
+
+TexelTile TexelMap::texels(std::size_t tileIndex) const {
+  TexelTile tile;
+  tile.x0 = int(tileIndex % std::size_t(tilesX())) * kTile;
+  tile.y0 = int(tileIndex / std::size_t(tilesX())) * kTile;
+  tile.width = std::min(kTile, width_ - tile.x0);
+  tile.height = std::min(kTile, height_ - tile.y0);
+  constexpr int kSpan = kTile + 2 * kApron;
+
+  struct Found {
+    std::uint32_t cell;
+    std::uint32_t chart;
+    Fragment fragment;
+  };
+  std::vector<Found> found;
+  Polygon2 row, cell;
+  for (std::uint32_t i = first_[tileIndex]; i < first_[tileIndex + 1]; ++i) {
+    const std::uint32_t t = triangles_[i];
+    const MapTriangle m = mapTriangle(scene_, t, width_, height_);
+    const int x0 = std::max({int(std::floor(m.lo.x)), tile.x0 - kApron, 0}), x1 = std::min({int(std::floor(m.hi.x)), tile.x0 + tile.width - 1 + kApron, width_ - 1});
+    const int y0 = std::max({int(std::floor(m.lo.y)), tile.y0 - kApron, 0}), y1 = std::min({int(std::floor(m.hi.y)), tile.y0 + tile.height - 1 + kApron, height_ - 1});
+    for (int y = y0; y <= y1; ++y) {
+      row.assign({m.corner[0], m.corner[1], m.corner[2]});
+      row.clip({0.0, double(y)}, {1.0, 0.0});
+      row.clip({0.0, double(y + 1)}, {-1.0, 0.0});
+      if (row.corners().size() < 3) continue;
+      double lo = row.corners()[0].x, hi = lo;
+      for (const glm::dvec2& c : row.corners()) {
+        lo = std::min(lo, c.x);
+        hi = std::max(hi, c.x);
+      }
+      const int end = std::min(x1, int(std::floor(hi)));
+      for (int x = std::max(x0, int(std::floor(lo))); x <= end; ++x) {
+        cell = row;
+        cell.clip({double(x), 0.0}, {0.0, -1.0});
+        cell.clip({double(x + 1), 0.0}, {0.0, 1.0});
+        const double area = cell.area();
+        if (cell.corners().size() < 3 || area < kMinFragment_texel2) continue;
+        Found f;
+        f.cell = std::uint32_t((y - tile.y0 + kApron) * kSpan + (x - tile.x0 + kApron));
+        f.chart = charts_.chartOf[t];
+        f.fragment.triangle = t;
+        f.fragment.area = area;
+        f.fragment.firstCorner = std::uint32_t(tile.corners.size());
+        f.fragment.cornerCount = std::uint32_t(cell.corners().size());
+        for (const glm::dvec2& c : cell.corners()) tile.corners.push_back(c - glm::dvec2(x, y));
+        setBary(f.fragment, m, {double(x), double(y)});
+        found.push_back(f);
+      }
+    }
+  }
+  std::ranges::stable_sort(found, [](const Found& a, const Found& b) { return a.cell != b.cell ? a.cell < b.cell : a.chart < b.chart; });
+
+  tile.texels.resize(std::size_t(kSpan) * kSpan);
+  for (std::size_t i = 0; i < found.size();) {
+    // Of the charts in this texel, the one that covers most.
+    const std::uint32_t at = found[i].cell;
+    std::size_t bestBegin = i, bestEnd = i;
+    double bestArea = -1.0;
+    while (i < found.size() && found[i].cell == at) {
+      const std::size_t begin = i;
+      double area = 0.0;
+      for (; i < found.size() && found[i].cell == at && found[i].chart == found[begin].chart; ++i) area += found[i].fragment.area;
+      if (area > bestArea) {
+        bestArea = area;
+        bestBegin = begin;
+        bestEnd = i;
+      }
+    }
+    Texel& texel = tile.texels[at];
+    texel.chart = found[bestBegin].chart;
+    texel.coverage = float(std::min(1.0, bestArea));
+    texel.firstFragment = std::uint32_t(tile.fragments.size());
+    texel.fragmentCount = std::uint32_t(bestEnd - bestBegin);
+    for (std::size_t k = bestBegin; k < bestEnd; ++k) tile.fragments.push_back(found[k].fragment);
+  }
+  return tile;
+}
+
+}  // namespace lmc

@@ -1,0 +1,74 @@
+#pragma once
+/// Texels of a light map, made tile by tile on demand: which part of the texel's square its chart covers, and places to sample in it.
+#include <cstdint>
+#include <vector>
+
+#include "libscene/charts.h"
+#include "libscene/scene.h"
+
+namespace lmc {
+
+inline constexpr int kTile = 64;     ///< side of a tile [texels]; no option changes it, for results would change with it
+inline constexpr int kApron = 1;     ///< texels of the neighbours that a tile knows as well
+
+/// A place on a surface.
+struct SurfacePoint {
+  glm::dvec3 position_m;
+  glm::dvec3 geometricNormal;   ///< unit, of the triangle, towards its front
+  glm::dvec3 normal;            ///< unit, interpolated
+  std::uint32_t triangle = kNone;
+  glm::vec2 bary{0.0f};         ///< weights of the second and third corner
+};
+
+/// The point with these weights of the second and third corner, all in double.
+SurfacePoint surfacePoint(const Scene&, std::uint32_t triangle, glm::dvec2 bary);
+
+/// Which triangle lies under a place of the map: part of one triangle in one texel.
+struct Fragment {
+  std::uint32_t triangle = kNone;
+  std::uint32_t firstCorner = 0;
+  std::uint32_t cornerCount = 0;
+  double area = 0.0;                     ///< share of the texel's square
+  glm::dvec2 bary0, baryX, baryY;        ///< bary(x, y) = bary0 + x baryX + y baryY, x and y in [0, 1) of the texel
+};
+
+struct Texel {
+  std::uint32_t firstFragment = 0, fragmentCount = 0;
+  std::uint32_t chart = kNone;
+  float coverage = 0.0f;                 ///< share of the square that the chart covers; 0 = outside every chart
+};
+
+struct TexelTile {
+  int x0 = 0, y0 = 0;                    ///< the tile's first texel in the map
+  int width = 0, height = 0;             ///< texels of the tile itself, at most kTile
+  std::vector<Texel> texels;             ///< rows of kTile + 2 kApron, the apron included
+  std::vector<Fragment> fragments;
+  std::vector<glm::dvec2> corners;       ///< of the fragments' polygons, counter-clockwise, in [0, 1] of the texel
+
+  /// x, y from -kApron to kTile - 1 + kApron.
+  const Texel& at(int x, int y) const { return texels[std::size_t(y + kApron) * (kTile + 2 * kApron) + std::size_t(x + kApron)]; }
+};
+
+/// A place in the covered part of the texel, uniform in the map's plane for u uniform in the unit square. Texel must be covered.
+SurfacePoint sampleTexel(const Scene&, const TexelTile&, const Texel&, glm::vec2 u);
+
+/// All texels of one map.
+class TexelMap {
+ public:
+  TexelMap(const Scene&, const Charts&, int width, int height);
+  int width() const { return width_; }
+  int height() const { return height_; }
+  int tilesX() const { return (width_ + kTile - 1) / kTile; }
+  int tilesY() const { return (height_ + kTile - 1) / kTile; }
+  std::size_t tileCount() const { return std::size_t(tilesX()) * std::size_t(tilesY()); }
+  /// Where two charts meet in a texel, the one that covers more of it (the lower number where they tie) has it.
+  TexelTile texels(std::size_t tile) const;
+
+ private:
+  const Scene& scene_;
+  const Charts& charts_;
+  int width_, height_;
+  std::vector<std::uint32_t> first_, triangles_;   // per tile (apron included): its triangles
+};
+
+}  // namespace lmc

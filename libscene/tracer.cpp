@@ -1,0 +1,195 @@
+#include "libscene/tracer.h"
+
+#include <embree3/rtcore.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "libscene/error.h"
+#include "libscene/texture.h"
+
+namespace lmc {
+
+double area_m2(const std::array<glm::dvec3, 3>& c) { return 0.5 * glm::length(glm::cross(c[1] - c[0], c[2] - c[0])); }
+
+bool isDegenerate(const std::array<glm::dvec3, 3>& c) {
+  const glm::dvec3 a = c[1] - c[0], b = c[2] - c[0], d = c[2] - c[1];
+  const double longest2 = std::max({glm::dot(a, a), glm::dot(b, b), glm::dot(d, d)});
+  return !(area_m2(c) > 1e-12 * longest2);
+}
+
+namespace {
+
+constexpr std::size_t kBatch = 256;      // rays of one texel that go to Embree at once
+
+/// One Embree geometry and which triangles of the scene it holds.
+struct Part {
+  const Scene* scene = nullptr;
+  std::vector<std::uint32_t> triangles;
+};
+
+/// A hole is a hit that does not count.
+void rejectHoles(const RTCFilterFunctionNArguments* args) {
+  const Part& part = *static_cast<const Part*>(args->geometryUserPtr);
+  for (unsigned i = 0; i < args->N; ++i) {
+    if (args->valid[i] == 0) continue;
+    const glm::vec2 bary(RTCHitN_u(args->hit, args->N, i), RTCHitN_v(args->hit, args->N, i));
+    const std::uint32_t triangle = part.triangles[RTCHitN_primID(args->hit, args->N, i)];
+    if (alphaAt(*part.scene, triangle, bary) < part.scene->materialOf(triangle).alphaCutoff) args->valid[i] = 0;
+  }
+}
+
+RTCRay toEmbree(const Ray& ray) {
+  RTCRay r;
+  r.org_x = ray.origin_m.x; r.org_y = ray.origin_m.y; r.org_z = ray.origin_m.z;
+  r.dir_x = ray.direction.x; r.dir_y = ray.direction.y; r.dir_z = ray.direction.z;
+  r.tnear = 0.0f; r.tfar = ray.tFar;
+  r.time = 0.0f; r.mask = ~0u; r.id = 0; r.flags = 0;
+  return r;
+}
+
+}  // namespace
+
+struct Tracer::Device {
+  RTCDevice device = nullptr;
+  RTCScene scene = nullptr;
+  Part parts[2];   // opaque, masked: only the second pays for a filter
+  std::atomic<std::int64_t> bytes{0};
+
+  static bool onMemory(void* self, ssize_t bytes, bool) {
+    static_cast<Device*>(self)->bytes += bytes;
+    return true;
+  }
+  ~Device() {
+    if (scene) rtcReleaseScene(scene);
+    if (device) rtcReleaseDevice(device);
+  }
+
+  void attach(const Scene& level, unsigned id) {
+    Part& part = parts[id];
+    part.scene = &level;
+    if (part.triangles.empty()) return;
+    RTCGeometry g = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    void* vertices = rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), level.positions_m.size());
+    auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, part.triangles.size()));
+    if (!vertices || !indices) throw Error(Exit::Limit, level.file, "", "not enough memory for the ray tracer", "LMC_MEMORY");
+    std::memcpy(vertices, level.positions_m.data(), level.positions_m.size() * sizeof(glm::vec3));
+    for (const std::uint32_t t : part.triangles) {
+      const glm::uvec3 v = level.triangles[t];
+      *indices++ = v.x; *indices++ = v.y; *indices++ = v.z;
+    }
+    if (id == 1) {
+      rtcSetGeometryUserData(g, &part);
+      rtcSetGeometryIntersectFilterFunction(g, rejectHoles);
+      rtcSetGeometryOccludedFilterFunction(g, rejectHoles);
+    }
+    // MEDIUM: with HIGH, primitive numbers and so hits may depend on the number of threads.
+    rtcSetGeometryBuildQuality(g, RTC_BUILD_QUALITY_MEDIUM);
+    rtcCommitGeometry(g);
+    rtcAttachGeometryByID(scene, g, id);
+    rtcReleaseGeometry(g);
+  }
+
+  Hit toHit(const RTCRayHit& r) const {
+    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
+    Hit hit;
+    hit.triangle = parts[r.hit.geomID].triangles[r.hit.primID];
+    hit.bary = {r.hit.u, r.hit.v};
+    hit.t = r.ray.tfar;
+    // Ng = cross(v1 - v0, v2 - v0): against the ray on the front.
+    hit.front = r.hit.Ng_x * r.ray.dir_x + r.hit.Ng_y * r.ray.dir_y + r.hit.Ng_z * r.ray.dir_z < 0.0f;
+    return hit;
+  }
+};
+
+Tracer::Tracer(const Scene& scene) : device_(std::make_unique<Device>()) {
+  Device& d = *device_;
+  d.device = rtcNewDevice(nullptr);
+  if (!d.device) throw Error(Exit::Internal, "", "", fmt::format("the ray tracer does not start (Embree error {})", int(rtcGetDeviceError(nullptr))));
+  rtcSetDeviceMemoryMonitorFunction(d.device, Device::onMemory, &d);
+  d.scene = rtcNewScene(d.device);
+  rtcSetSceneFlags(d.scene, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
+  rtcSetSceneBuildQuality(d.scene, RTC_BUILD_QUALITY_MEDIUM);
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
+    const Object& object = scene.objectOf(t);
+    const Material& material = scene.materials[object.material];
+    if (!object.cast || !material.opaqueToLight()) continue;
+    if (isDegenerate(scene.corners_m(t))) {
+      ++degenerate_;
+      continue;
+    }
+    d.parts[material.alpha == Material::Alpha::Mask ? 1 : 0].triangles.push_back(t);
+  }
+  d.attach(scene, 0);
+  d.attach(scene, 1);
+  rtcCommitScene(d.scene);
+  if (const RTCError e = rtcGetDeviceError(d.device); e != RTC_ERROR_NONE)
+    throw Error(e == RTC_ERROR_OUT_OF_MEMORY ? Exit::Limit : Exit::Internal, scene.file, "", fmt::format("the ray tracer cannot take the level (Embree error {})", int(e)));
+  const float extent = std::max(scene.extent_m, std::numeric_limits<float>::min());
+  lift_m_ = 4.0f * (std::nextafter(extent, std::numeric_limits<float>::infinity()) - extent);
+}
+
+Tracer::~Tracer() = default;
+
+bool Tracer::occluded(const Ray& ray, Purpose purpose) const {
+  std::uint8_t blocked = 0;
+  occluded({&ray, 1}, {&blocked, 1}, purpose);
+  return blocked != 0;
+}
+
+void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Purpose purpose) const {
+  assert(rays.size() == blocked.size());
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+  RTCRay buffer[kBatch];
+  for (std::size_t at = 0; at < rays.size(); at += kBatch) {
+    const std::size_t n = std::min(kBatch, rays.size() - at);
+    for (std::size_t i = 0; i < n; ++i) buffer[i] = toEmbree(rays[at + i]);
+    if (n == 1) rtcOccluded1(device_->scene, &context, buffer);
+    else rtcOccluded1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRay));
+    for (std::size_t i = 0; i < n; ++i) blocked[at + i] = buffer[i].tfar < 0.0f;   // Embree sets tfar to -inf where a ray is blocked
+  }
+  counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
+}
+
+Hit Tracer::closest(const Ray& ray, Purpose purpose) const {
+  Hit hit;
+  closest({&ray, 1}, {&hit, 1}, purpose);
+  return hit;
+}
+
+void Tracer::closest(std::span<const Ray> rays, std::span<Hit> hits, Purpose purpose) const {
+  assert(rays.size() == hits.size());
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+  RTCRayHit buffer[kBatch];
+  for (std::size_t at = 0; at < rays.size(); at += kBatch) {
+    const std::size_t n = std::min(kBatch, rays.size() - at);
+    for (std::size_t i = 0; i < n; ++i) {
+      buffer[i].ray = toEmbree(rays[at + i]);
+      buffer[i].hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      buffer[i].hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    }
+    rtcIntersect1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRayHit));
+    for (std::size_t i = 0; i < n; ++i) hits[at + i] = device_->toHit(buffer[i]);
+  }
+  counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
+}
+
+std::uint64_t Tracer::rays(Purpose purpose) const { return counts_[std::size_t(purpose)].load(); }
+
+std::uint64_t Tracer::rays() const {
+  std::uint64_t sum = 0;
+  for (const auto& c : counts_) sum += c.load();
+  return sum;
+}
+
+std::uint64_t Tracer::bytes() const { return std::uint64_t(std::max<std::int64_t>(0, device_->bytes.load())); }
+
+}  // namespace lmc

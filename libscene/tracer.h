@@ -1,0 +1,66 @@
+#pragma once
+/// Rays through the level (Embree only in tracer.cpp).
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "libscene/scene.h"
+
+namespace lmc {
+
+/// What a ray is for; counted apart, so that a report can show what each effect cost.
+enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, PatchDirect, PatchSky, Shoot, Visibility, Camera };
+inline constexpr std::array<const char*, 9> kPurposeNames{"shadow", "emitter", "sky", "gather", "patch-direct", "patch-sky", "shoot", "visibility", "camera"};
+
+struct Ray {
+  glm::vec3 origin_m, direction;   ///< any length; tFar counts in lengths of direction
+  float tFar;
+};
+
+struct Hit {
+  std::uint32_t triangle = kNone;  ///< kNone = the ray left the level
+  glm::vec2 bary{0.0f};            ///< weights of the second and third corner
+  float t = 0.0f;
+  bool front = true;               ///< the ray met the side that is counter-clockwise
+  explicit operator bool() const { return triangle != kNone; }
+};
+
+/// Static geometry that blocks light: objects with `cast`, but for Blend and transmissive materials; Mask materials with their holes.
+/// Both sides block. Thread-safe; results do not depend on threads or batches.
+class Tracer {
+ public:
+  explicit Tracer(const Scene&);
+  ~Tracer();
+  Tracer(const Tracer&) = delete;
+  Tracer& operator=(const Tracer&) = delete;
+
+  bool occluded(const Ray&, Purpose) const;
+  void occluded(std::span<const Ray>, std::span<std::uint8_t> blocked, Purpose) const;
+  Hit closest(const Ray&, Purpose) const;
+  void closest(std::span<const Ray>, std::span<Hit>, Purpose) const;
+
+  /// How far a ray's start must be moved along the geometric normal so that it does not meet its own surface: 4 ulp of the level's largest
+  /// coordinate, for positions computed in double from the float vertices (methods measured: 0 self hits in 1e6 rays from 1 ulp on).
+  float lift_m() const { return lift_m_; }
+  glm::vec3 lifted(const glm::dvec3& position_m, const glm::dvec3& normal) const { return glm::vec3(position_m + double(lift_m_) * normal); }
+
+  std::uint64_t rays(Purpose) const;
+  std::uint64_t rays() const;   ///< of all purposes
+  std::uint32_t degenerateTriangles() const { return degenerate_; }   ///< left out: their area is below 1e-12 of the longest edge squared
+  std::uint64_t bytes() const;  ///< held by Embree
+
+ private:
+  struct Device;
+  std::unique_ptr<Device> device_;
+  float lift_m_ = 0.0f;
+  std::uint32_t degenerate_ = 0;
+  mutable std::array<std::atomic<std::uint64_t>, kPurposeNames.size()> counts_{};
+};
+
+/// Area, in double, free of cancellation at large coordinates.
+double area_m2(const std::array<glm::dvec3, 3>& corners);
+bool isDegenerate(const std::array<glm::dvec3, 3>& corners);
+
+}  // namespace lmc

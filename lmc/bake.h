@@ -1,0 +1,17 @@
+#pragma once
+#include "libscene/error.h"
+#include "lmc/options.h"
+
+namespace lmc {
+
+/// The main job: every stage in order, files last. Returns Done or GoalMissed; throws Error and Cancelled.
+Exit bake(const BakeOptions&);
+
+/// `lmc plan`: loads the level and prints the plan on stdout.
+Exit showPlan(const PlanOptions&);
+
+/// Set by SIGINT and SIGTERM; a bake stops at the next report of progress.
+void askToStop(int signal);
+int askedToStop();   ///< the signal, or 0
+
+}  // namespace lmc

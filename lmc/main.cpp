@@ -1,0 +1,67 @@
+/// Parse, run, exit code: the one catch block.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <new>
+
+#include "lmc/bake.h"
+#include "lmc/compare.h"
+#include "lmc/shade.h"
+
+namespace {
+
+extern "C" void onSignal(int signal) {
+  if (lmc::askedToStop() != 0) _exit(128 + signal);   // asked twice: at once
+  lmc::askToStop(signal);
+}
+
+void prepareProcess() {
+  // Files that are opened must never land on descriptors 0 to 2, or the log would be written into them.
+  for (int fd = 0; fd <= 2; ++fd)
+    if (fcntl(fd, F_GETFD) < 0) static_cast<void>(open("/dev/null", O_RDWR));
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGINT, onSignal);
+  std::signal(SIGTERM, onSignal);
+}
+
+struct Perform {
+  lmc::Exit operator()(const lmc::BakeOptions& o) const { return lmc::bake(o); }
+  lmc::Exit operator()(const lmc::PlanOptions& o) const { return lmc::showPlan(o); }
+  lmc::Exit operator()(const lmc::CompareOptions& o) const { return lmc::compare(o); }
+  lmc::Exit operator()(const lmc::ShadeOptions& o) const { return lmc::shade(o); }
+  lmc::Exit operator()(const lmc::ShowText& t) const {
+    fmt::print("{}", t.text);
+    return lmc::Exit::Done;
+  }
+};
+
+int runProgram(int argc, char** argv) {
+  const lmc::Exit result = std::visit(Perform{}, lmc::parseCommandLine(argc, argv));
+  if (std::fflush(stdout) != 0 || std::ferror(stdout)) throw lmc::Error(lmc::Exit::Io, "standard output", "", "cannot be written");
+  return int(result);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  prepareProcess();
+  try {
+    return runProgram(argc, argv);
+  } catch (const lmc::Cancelled&) {
+    fmt::print(stderr, "stopped\n");
+    return 128 + lmc::askedToStop();
+  } catch (const lmc::Error& e) {
+    fmt::print(stderr, "{}\n", e.what());
+    return int(e.kind);
+  } catch (const std::bad_alloc&) {
+    std::fputs("lmc: error: out of memory [LMC_MEMORY]\n", stderr);
+    return int(lmc::Exit::Limit);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "{}\n", lmc::line("error", "lmc", "", std::string("internal: ") + e.what(), "LMC_INTERNAL"));
+    return int(lmc::Exit::Internal);
+  }
+}

@@ -1,0 +1,123 @@
+#include "lmc/outputs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+
+#include "libscene/exr.h"
+#include "libscene/level_out.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr int kPadding = 4;   // texels around charts that repeat the nearest covered one: bilinear and two mip levels stay inside
+
+/// For every texel the covered one whose value it shows: itself, the nearest within kPadding (the lower number where two tie), or kNone.
+std::vector<std::uint32_t> shownTexel(const LightMap& map) {
+  std::vector<std::uint32_t> from(map.size(), kNone);
+  for (int y = 0; y < map.height; ++y)
+    for (int x = 0; x < map.width; ++x) {
+      const std::size_t i = std::size_t(y) * std::size_t(map.width) + std::size_t(x);
+      if (map.chart[i] != kNone) {
+        from[i] = std::uint32_t(i);
+        continue;
+      }
+      int best = kPadding * kPadding + 1;
+      for (int v = std::max(0, y - kPadding); v <= std::min(map.height - 1, y + kPadding); ++v)
+        for (int u = std::max(0, x - kPadding); u <= std::min(map.width - 1, x + kPadding); ++u) {
+          const std::size_t k = std::size_t(v) * std::size_t(map.width) + std::size_t(u);
+          const int d2 = (u - x) * (u - x) + (v - y) * (v - y);
+          if (d2 < best && map.chart[k] != kNone) {
+            best = d2;
+            from[i] = std::uint32_t(k);
+          }
+        }
+    }
+  return from;
+}
+
+void writeMap(OutputFile& file, const Bake& b) {
+  const std::vector<std::uint32_t> from = shownTexel(b.map);
+  const std::size_t n = b.map.size();
+  const float unit = 1.0f / b.scale;
+  std::vector<Rgb> total(n, Rgb(0.0f)), direct = total, indirect = total, error = total;
+  std::vector<float> covered(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    covered[i] = b.map.chart[i] != kNone ? 1.0f : 0.0f;
+    if (from[i] == kNone) continue;
+    direct[i] = unit * b.values.direct[from[i]];
+    indirect[i] = unit * b.values.indirect[from[i]];
+    total[i] = direct[i] + indirect[i];
+    error[i] = unit * b.values.error[from[i]];
+  }
+  std::vector<ExrChannel> channels{{"A", covered.data(), 1}};
+  const auto add = [&](const std::string& layer, const std::vector<Rgb>& v) {
+    channels.push_back({layer + "R", &v[0].r, 3});
+    channels.push_back({layer + "G", &v[0].g, 3});
+    channels.push_back({layer + "B", &v[0].b, 3});
+  };
+  add("", total);
+  add("direct.", direct);
+  add("indirect.", indirect);
+  add("stderr.", error);
+  writeExr(file, b.map.width, b.map.height, channels, {{"lmcScale", b.scale}});
+}
+
+std::string escapedForMake(const std::string& path) {
+  std::string out;
+  for (const char c : path) {
+    if (c == ' ' || c == '#' || c == '\\') out += '\\';
+    if (c == '$') out += '$';
+    out += c;
+  }
+  return out;
+}
+
+}  // namespace
+
+void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& report) {
+  using Json = nlohmann::ordered_json;
+  Json files = Json::array();
+  const auto listed = [&](const char* name, OutputFile& file) { files.push_back({{"name", name}, {"bytes", file.size()}, {"xxh3", file.hash()}}); };
+
+  OutputFile& map = set.open("lightmap.exr");
+  writeMap(map, b);
+  listed("lightmap.exr", map);
+
+  std::vector<NodeMap> marks;
+  Json nodes = Json::array();
+  std::map<std::uint32_t, const Object*> marked;
+  for (const Object& o : b.scene.objects)
+    if (o.receive && o.triangleCount > 0) marked.emplace(o.node, &o);
+  for (const auto& [node, object] : marked) {
+    marks.push_back({node, "lightmap.exr", double(b.scale), 1});
+    nodes.push_back({{"node", node}, {"name", object->name}, {"map", 0}, {"texCoord", 1}});
+  }
+  std::vector<std::uint32_t> bakedLights;
+  for (const Light& l : b.scene.lights) bakedLights.push_back(l.node);
+  const std::vector<std::uint8_t> level = levelWithMaps(b.options.level, b.options.limits, marks, bakedLights);
+  OutputFile& glb = set.open("level.glb");
+  glb.write(level.data(), level.size());
+  listed("level.glb", glb);
+
+  set.open("report.json").write(report.dump(2) + "\n");
+
+  Json sidecar;
+  sidecar["schema"] = "lmc-sidecar/1";
+  sidecar["unit"] = "lx";
+  sidecar["space"] = "linear Rec. 709";
+  sidecar["maps"] = Json::array({{{"file", "lightmap.exr"}, {"width", b.map.width}, {"height", b.map.height}, {"scale", b.scale}, {"texCoord", 1}, {"padding", kPadding}}});
+  sidecar["nodes"] = nodes;
+  sidecar["files"] = files;
+  set.open("level.lmc.json").write(sidecar.dump(2) + "\n");
+}
+
+void writeDepfile(const Bake& b) {
+  std::string text = escapedForMake((b.options.out / "level.lmc.json").string()) + ":";
+  for (const auto& input : b.scene.inputs) text += " \\\n  " + escapedForMake(input.string());
+  writeFileWhole(b.options.depfile, text + "\n");
+}
+
+}  // namespace lmc

@@ -1,0 +1,17 @@
+#pragma once
+/// Every file of a bake, written last and in one place, whole or not at all.
+#include <nlohmann/json.hpp>
+
+#include "libscene/files.h"
+#include "lmc/stages.h"
+
+namespace lmc {
+
+/// Opens and fills lightmap.exr, level.glb, report.json and level.lmc.json in this order (the sidecar vouches for the rest by size and
+/// hash, and is renamed last). commit() is left to the caller.
+void writeOutputs(OutputSet&, const Bake&, const nlohmann::ordered_json& report);
+
+/// A Make rule: the sidecar depends on every input.
+void writeDepfile(const Bake&);
+
+}  // namespace lmc

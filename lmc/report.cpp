@@ -1,0 +1,78 @@
+#include "lmc/report.h"
+
+#include <algorithm>
+
+#include "libscene/tracer.h"
+
+namespace lmc {
+
+using Json = nlohmann::ordered_json;
+
+namespace {
+Json rgb(const glm::dvec3& c) { return Json::array({c.x, c.y, c.z}); }
+}  // namespace
+
+Json planOf(const Plan& plan) {
+  Json steps = Json::array();
+  for (const Step& s : plan.steps) steps.push_back({{"effect", kEffectNames[std::size_t(s.effect)]}, {"run", s.run}, {"because", s.because}});
+  return steps;
+}
+
+Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
+  Json r;
+  r["schema"] = "lmc-report/1";
+  r["version"] = LMC_VERSION;
+  r["plan"] = planOf(b.plan);
+  const ErrorLedger& e = b.ledger;
+  r["error"] = {{"goal", b.options.goal}, {"goal_met", goalMet},   {"estimate", e.estimate},           {"bound95", e.bound95},
+                {"noise", e.noise},       {"patches", e.field},    {"bounce_tail", e.tail},            {"worst_object", e.worstObject},
+                {"worst_object_path", e.worstObjectId == kNone ? "" : b.scene.objects[e.worstObjectId].path}};
+  glm::dvec3 mean(0.0);
+  double lo = 1e300, hi = 0.0;
+  for (std::size_t i = 0; i < b.map.size(); ++i) {
+    if (b.map.chart[i] == kNone) continue;
+    const Rgb v = b.values.direct[i] + b.values.indirect[i];
+    mean += glm::dvec3(v) / double(e.texels);
+    lo = std::min(lo, double(std::min({v.r, v.g, v.b})));
+    hi = std::max(hi, double(strength(v)));
+  }
+  r["illuminance"] = {{"unit", "lx"}, {"mean", rgb(mean)}, {"min", e.texels > 0 ? lo : 0.0}, {"max", hi}};
+  r["maps"] = Json::array({{{"file", "lightmap.exr"}, {"width", b.map.width}, {"height", b.map.height}, {"scale", b.scale}}});
+  r["texels"] = {{"covered", e.texels}, {"all", b.map.size()}};
+  r["patches"] = {{"count", b.patches.patches.size()}, {"size_m", b.patches.size_m}, {"faces", b.patches.leaves.size()}, {"unjoined_triangles", b.patches.unjoined}};
+  if (!b.patches.patches.empty()) {
+    const Solution& s = b.solutions[0];
+    r["solver"] = {{"method", b.solvedDense ? "dense" : "shooting"}, {"passes", s.passes}, {"stop", s.stop == Stop::Energy ? "energy" : s.stop == Stop::Passes ? "passes" : "nothing to send"},
+                   {"tail_bound", b.tail()}};
+    if (b.closureError >= 0.0) r["solver"]["closure_error_before_scaling"] = b.closureError;
+    const Energy& g = s.energy;
+    r["energy"] = {{"unit", "lm"}, {"sent", rgb(g.sent)}, {"absorbed", rgb(g.absorbed)}, {"back_faces", rgb(g.backs)}, {"left_the_level", rgb(g.left)},
+                   {"unsent", rgb(g.unsent)}, {"balance", g.imbalance()}};
+  } else {
+    r["energy"] = {{"balance", 0.0}};
+  }
+  Json rays;
+  rays["total"] = b.tracer ? b.tracer->rays() : 0;
+  for (std::size_t p = 0; p < kPurposeNames.size(); ++p)
+    rays[kPurposeNames[p]] = b.tracer ? b.tracer->rays(Purpose(p)) : 0;
+  r["rays"] = rays;
+  Json stages = Json::array();
+  double seconds = 0.0, cpu = 0.0;
+  for (const StageTime& t : spoken.stages) {
+    stages.push_back({{"name", t.name}, {"seconds", t.seconds}, {"cpu_seconds", t.cpuSeconds}, {"rays", t.rays}, {"summary", t.summary}});
+    seconds += t.seconds;
+    cpu += t.cpuSeconds;
+  }
+  r["stages"] = stages;
+  r["seconds"] = seconds;
+  r["cpu_seconds"] = cpu;
+  r["peak_memory_bytes"] = peakBytes();
+  Json warnings = Json::array(), notes = Json::array();
+  for (const Message& m : spoken.messages)
+    (m.level == Message::Level::Warning ? warnings : notes).push_back({{"where", m.where}, {"text", m.text}, {"code", m.code}});
+  r["warnings"] = warnings;
+  r["notes"] = notes;
+  return r;
+}
+
+}  // namespace lmc

@@ -1,0 +1,178 @@
+#include "lmc/stages.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "libscene/exr.h"
+#include "libscene/files.h"
+#include "libscene/parallel.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr double kDefaultTexelsPerMetre = 16.0;
+constexpr double kPatchesAtTwoPercent = 8000.0;   // of a level; their number goes with 1/goal (error is of second order in their size)
+constexpr std::size_t kDenseByItself = 600;       // below it the dense solver costs less than the noise of shooting
+constexpr double kShootingTail = 2e-4;
+constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
+
+}  // namespace
+
+void load(Bake& b) {
+  b.scene = loadLevel(b.options.level, b.options.limits, b.run);
+  if (b.options.sky) b.scene.sky = *b.options.sky;
+  b.summary = fmt::format("{} triangles, {} objects, {} lights", b.scene.triangles.size(), b.scene.objects.size(), b.scene.lights.size());
+}
+
+void plan(Bake& b) {
+  b.facts = factsOf(b.scene);
+  b.plan = makePlan(b.options.effects, b.facts);
+  for (const Step& s : b.plan.steps) b.summary += fmt::format("{}{}{}", b.summary.empty() ? "" : " ", s.run ? "+" : "-", kEffectNames[std::size_t(s.effect)]);
+  // What does not run is not there for the stages that follow.
+  if (!b.plan.runs(Effect::Direct)) b.scene.lights.clear();
+  if (!b.plan.runs(Effect::Sky)) b.scene.sky = Rgb(0.0f);
+  if (!b.plan.runs(Effect::Area))
+    for (Material& m : b.scene.materials) m.emission = Rgb(0.0f);
+}
+
+void charts(Bake& b) {
+  const double density = b.options.texelsPerMetre > 0.0 ? b.options.texelsPerMetre : b.scene.texelsPerMetre > 0.0 ? b.scene.texelsPerMetre : kDefaultTexelsPerMetre;
+  const int known = b.options.texelsPerMetre > 0.0 ? 0 : b.scene.mapResolution;   // a density that was asked for goes before the level's size
+  b.side = mapSide(b.scene, b.options.mapSize > 0 ? b.options.mapSize : known, density);
+  b.charts = findCharts(b.scene, b.side, b.run);
+  b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side, b.side);
+  b.map = startMap(b.scene, *b.texels, b.run);
+  const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
+  b.summary = fmt::format("{} x {} map, {} charts, {} texels covered", b.side, b.side, b.charts.count, covered);
+}
+
+void trace(Bake& b) {
+  if (!b.plan.anything()) {
+    b.summary = "nothing to trace";
+    return;
+  }
+  b.tracer = std::make_unique<Tracer>(b.scene);
+  b.summary = fmt::format("{:.1f} MB", double(b.tracer->bytes()) / 1e6);
+  if (b.tracer->degenerateTriangles() > 0)
+    b.run.note({{}, b.scene.file.string(), "", fmt::format("{} triangles without area are left out", b.tracer->degenerateTriangles()), "LMC_DEGENERATE"});
+}
+
+void directLight(Bake& b) {
+  if (!b.tracer) return;
+  b.direct = std::make_unique<DirectLight>(b.scene, *b.tracer, b.plan.runs(Effect::Shadow), b.run);
+  if (!b.direct->any()) {
+    b.summary = "no lights but the sky";
+    return;
+  }
+  bakeDirect(b.map, b.scene, *b.texels, *b.direct, {b.options.goal}, b.run);
+  b.summary = fmt::format("{} lights, {} pieces of emitters", b.scene.lights.size(), b.direct->emitters().size());
+}
+
+void patches(Bake& b) {
+  if (!b.plan.runs(Effect::Bounce)) {
+    b.summary = "no bounces";
+    return;
+  }
+  PatchOptions options;
+  options.maxPatches = b.options.maxPatches;
+  const double wanted = std::min(kPatchesAtTwoPercent * 0.02 / b.options.goal, double(options.maxPatches));
+  options.size_m = b.options.patchSize_m > 0.0 ? b.options.patchSize_m : std::sqrt(reflectingArea_m2(b.scene) / wanted);
+  b.patches = makePatches(b.scene, options, b.run);
+  // Two halves of the direct map make one for what hits see.
+  std::vector<Rgb> mean(b.map.size());
+  for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b.map.direct[0][i] + b.map.direct[1][i]);
+  b.values.direct = std::move(mean);
+  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data()};
+  b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run);
+  b.summary = fmt::format("{} patches of {:.3g} m, {} faces", b.patches.patches.size(), b.patches.size_m, b.patches.leaves.size());
+}
+
+void solve(Bake& b) {
+  if (b.patches.patches.empty()) return;
+  const std::size_t n = b.patches.patches.size();
+  if (b.options.solver == Solver::Dense && n > kMaxDensePatches)
+    throw Error(Exit::Limit, b.scene.file, "", fmt::format("--solver dense takes at most {} patches, the level has {}: raise --patch-size", kMaxDensePatches, n), "LMC_DENSE");
+  b.solvedDense = b.options.passes == 0 && !b.options.snapshot && (b.options.solver == Solver::Dense || (b.options.solver == Solver::Auto && n <= kDenseByItself));
+  if (b.solvedDense) {
+    const FormFactors f = computeFormFactors(b.scene, *b.tracer, b.patches, b.run);
+    b.closureError = f.closureError;
+    b.solutions[0] = solveDense(b.patches, f, b.patchLight, {});
+    b.solutions[1] = b.solutions[0];
+    b.summary = fmt::format("dense, {} iterations, closure was off by {:.2g}", b.solutions[0].passes, b.closureError);
+  } else {
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      ShootOptions options;
+      options.minUnsent = kShootingTail;
+      options.maxPasses = b.options.passes;
+      options.stream = half;
+      if (b.options.snapshot && half == 0)
+        options.onPass = [&](int pass, const Bounced& bounced) {
+          std::vector<Rgb> E(b.map.size(), Rgb(0.0f));
+          parallelFor(Run{b.run.threads, b.run.seed, {}, {}}, b.texels->tileCount(), 1, [&](std::size_t t) {
+            const TexelTile tile = b.texels->texels(t);
+            for (int y = 0; y < tile.height; ++y)
+              for (int x = 0; x < tile.width; ++x) {
+                if (tile.at(x, y).fragmentCount == 0) continue;
+                const SurfacePoint p = sampleTexel(b.scene, tile, tile.at(x, y), {0.5f, 0.5f});
+                const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(b.map.width) + std::size_t(tile.x0 + x);
+                const std::uint32_t patch = b.patches.patchAt(p.triangle, p.bary, true);
+                E[i] = b.values.direct[i] + (patch == kNone ? Rgb(0.0f) : b.patchLight.sky[patch] + bounced[patch]);
+              }
+          });
+          for (Rgb& e : E) e = glm::min(e, Rgb(65504.0f));
+          OutputSet set(b.options.out);
+          writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height, {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}});
+          set.commit();
+        };
+      Run part = b.run;
+      part.onProgress = [&](double share) { b.run.progress(0.5 * (half + share)); return true; };
+      b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    }
+    b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
+  }
+  for (const Solution& s : b.solutions) {
+    const double off = s.energy.imbalance();
+    if (!std::isfinite(off) || off > kFailImbalance)
+      throw Error(Exit::Numerical, b.scene.file, "", fmt::format("energy does not balance: {:.3g} of the bounced light is made or lost", off), "LMC_ENERGY");
+    if (off > kWarnImbalance) b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
+  }
+  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data()};
+  b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.patchLight, std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance});
+}
+
+void hemisphere(Bake& b) {
+  if (!b.field && !b.plan.runs(Effect::Sky)) {
+    b.summary = "no sky and no bounces";
+    return;
+  }
+  const Gather gather(b.scene, *b.tracer, b.field.get(), b.run.seed);
+  bakeHemisphere(b.map, b.scene, *b.texels, gather, {b.options.goal}, b.run);
+  double rays = 0.0, texels = 0.0;
+  for (std::size_t i = 0; i < b.map.size(); ++i) {
+    rays += 2.0 * b.map.rays[i];
+    texels += b.map.chart[i] != kNone;
+  }
+  b.summary = fmt::format("{:.0f} rays a texel", texels > 0.0 ? rays / texels : 0.0);
+}
+
+void finish(Bake& b) {
+  b.field.reset();
+  b.values = values(b.map, b.scene);
+  b.ledger = ledger(b.map, b.scene, b.tail());
+  float largest = 0.0f;
+  for (std::size_t i = 0; i < b.map.size(); ++i) {
+    const Rgb e = b.values.direct[i] + b.values.indirect[i];
+    if (!std::isfinite(e.r + e.g + e.b) || !std::isfinite(b.values.error[i].r + b.values.error[i].g + b.values.error[i].b))
+      throw Error(Exit::Numerical, b.scene.file, "", fmt::format("texel ({}, {}) of the map is not finite (object '{}')", i % std::size_t(b.map.width),
+                                                               i / std::size_t(b.map.width), b.scene.objects[b.map.object[i]].path), "LMC_NOT_FINITE");
+    largest = std::max({largest, strength(e), strength(b.values.error[i])});
+  }
+  while (largest / b.scale > 32768.0f) b.scale *= 2.0f;
+  b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate, 100.0 * b.ledger.noise,
+                          100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
+}
+
+}  // namespace lmc

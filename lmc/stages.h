@@ -1,0 +1,71 @@
+#pragma once
+/// THE order of work: add a stage by adding a row. The report, the log and docs/stages.md follow this table.
+#include <array>
+#include <memory>
+
+#include "libradiosity/light_map.h"
+#include "libradiosity/solve.h"
+#include "lmc/plan.h"
+#include "lmc/progress.h"
+
+namespace lmc {
+
+/// Products of the stages of one bake, in order; each stage reads what stands above and fills what is its own.
+struct Bake {
+  Bake(const BakeOptions& o, Run r) : options(o), run(std::move(r)) {}
+  const BakeOptions& options;
+  Run run;
+
+  Scene scene;                               // load
+  Facts facts;                               // plan
+  Plan plan;
+  int side = 0;                              // charts: of the map [texels]
+  Charts charts;
+  std::unique_ptr<TexelMap> texels;
+  std::unique_ptr<Tracer> tracer;            // trace
+  LightMap map;                              // direct, hemisphere
+  std::unique_ptr<DirectLight> direct;
+  PatchMesh patches;                         // patches
+  PatchLight patchLight;
+  std::array<Solution, 2> solutions;         // solve; the dense solver fills both alike
+  bool solvedDense = false;
+  double closureError = -1.0;                ///< of the form factors before scaling; -1 = none computed
+  std::unique_ptr<Field> field;
+  LightMapValues values;                     // finish
+  ErrorLedger ledger;
+  float scale = 1.0f;                        ///< E = stored value * scale
+
+  std::string summary;                       ///< of the stage that runs, for the log
+  double tail() const { return std::max(solutions[0].tail, solutions[1].tail); }
+};
+
+struct StageRow {
+  const char* name;
+  const char* product;
+  double share;                              ///< of the whole job's time, about: for the bar alone
+  void (*work)(Bake&);
+};
+
+void load(Bake&);
+void plan(Bake&);
+void charts(Bake&);
+void trace(Bake&);
+void directLight(Bake&);
+void patches(Bake&);
+void solve(Bake&);
+void hemisphere(Bake&);
+void finish(Bake&);
+
+inline constexpr std::array kStages{
+    StageRow{"load", "scene", 0.02, load},
+    StageRow{"plan", "effects", 0.0, plan},
+    StageRow{"charts", "UV charts and texels", 0.02, charts},
+    StageRow{"trace", "ray tracer", 0.02, trace},
+    StageRow{"direct", "direct light", 0.15, directLight},
+    StageRow{"patches", "patches", 0.02, patches},
+    StageRow{"solve", "bounced light on patches", 0.12, solve},
+    StageRow{"gather", "sky and bounced light", 0.6, hemisphere},
+    StageRow{"finish", "values, error, padding", 0.05, finish},
+};
+
+}  // namespace lmc
