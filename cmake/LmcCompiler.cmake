@@ -27,6 +27,6 @@ function(lmc_library name)
   add_library(${name} STATIC ${ARGN})
   add_library(lmc::${name} ALIAS ${name})
   set_target_properties(${name} PROPERTIES OUTPUT_NAME lmc_${name})
-  target_link_libraries(${name} PRIVATE lmc_warnings)
+  target_link_libraries(${name} PRIVATE $<BUILD_INTERFACE:lmc_warnings>)   # flags of this build, not of those who use the library
   target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/lmc>)
 endfunction()

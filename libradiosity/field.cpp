@@ -11,7 +11,7 @@ namespace lmc {
 
 namespace {
 
-constexpr std::uint32_t kDirectPlaces = 16;   // on each patch
+constexpr std::uint32_t kBurialRays = 8;
 constexpr std::uint32_t kSkyRays = 64;
 
 /// A place on the patch that is not a hole, facing the patch's way.
@@ -65,6 +65,30 @@ const Rgb* DirectMap::at(const Scene& scene, std::uint32_t triangle, glm::vec2 b
   return chart[i] == kNone ? nullptr : illuminance + i;
 }
 
+void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, const Run& run) {
+  parallelFor(run, mesh.patches.size(), 64, [&](std::size_t i) {
+    Patch& patch = mesh.patches[i];
+    const Sobol4 places = sequence(run.seed, Draw::PatchDirect, 0, 0, std::uint32_t(i), 0, 0);
+    const Sobol4 directions = sequence(run.seed, Draw::PatchSky, 0, 0, std::uint32_t(i), 1, 0);
+    std::uint32_t exposed = 0;
+    patch.exposed = 0;
+    for (std::uint32_t k = 0; k < kPatchPlaces; ++k) {
+      const glm::vec4 u = places.point(k);
+      const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
+      bool buried = true;
+      for (std::uint32_t r = 0; r < kBurialRays && buried; ++r) {
+        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(k * kBurialRays + r));
+        const Hit hit = tracer.closest(Ray{tracer.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY}, Purpose::Exposure);
+        buried = hit && mesh.patchAt(hit.triangle, hit.bary, hit.front) == kNone;
+      }
+      if (buried) continue;
+      patch.exposed = std::uint16_t(patch.exposed | 1u << k);
+      ++exposed;
+    }
+    patch.area_m2 *= double(exposed) / kPatchPlaces;
+  });
+}
+
 PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const DirectLight& direct, const DirectMap& map, const Run& run) {
   PatchLight out;
   out.direct.assign(mesh.patches.size(), Rgb(0.0f));
@@ -72,13 +96,17 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
   const bool sky = strength(scene.sky) > 0.0f;
   parallelFor(run, mesh.patches.size(), 64, [&](std::size_t i) {
     const Patch& patch = mesh.patches[i];
+    if (patch.exposed == 0) return;
+    const Sobol4 numbers = sequence(run.seed, Draw::PatchDirect, 0, 0, std::uint32_t(i), 0, 0);
+    std::vector<SurfacePoint> places;
+    for (std::uint32_t k = 0; k < kPatchPlaces; ++k) {
+      const glm::vec4 u = numbers.point(k);
+      if (patch.exposed >> k & 1u) places.push_back(place(scene, mesh, patch, {u.z, u.w}));
+    }
     if (direct.any()) {
-      const Sobol4 numbers = sequence(run.seed, Draw::PatchDirect, 0, 0, std::uint32_t(i), 0, 0);
       std::vector<SurfacePoint> unknown;
       glm::dvec3 sum(0.0);
-      for (std::uint32_t k = 0; k < kDirectPlaces; ++k) {
-        const glm::vec4 u = numbers.point(k);
-        const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
+      for (const SurfacePoint& p : places) {
         const Rgb* known = patch.back ? nullptr : map.at(scene, p.triangle, p.bary);
         if (known) sum += glm::dvec3(*known);
         else unknown.push_back(p);
@@ -87,16 +115,15 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
         const auto lights = direct.lightsFor(patch.centre_m, patch.radius_m);
         sum += double(unknown.size()) * direct.sample(unknown, lights, numbers).illuminance;
       }
-      out.direct[i] = Rgb(sum / double(kDirectPlaces));
+      out.direct[i] = Rgb(sum / double(places.size()));
     }
     if (sky) {
-      const Sobol4 numbers = sequence(run.seed, Draw::PatchSky, 0, 0, std::uint32_t(i), 0, 0);
+      const Sobol4 directions = sequence(run.seed, Draw::PatchSky, 0, 0, std::uint32_t(i), 0, 0);
       std::array<Ray, kSkyRays> rays;
       std::array<std::uint8_t, kSkyRays> blocked;
       for (std::uint32_t k = 0; k < kSkyRays; ++k) {
-        const glm::vec4 u = numbers.point(k);
-        const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
-        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere({u.x, u.y});
+        const SurfacePoint& p = places[k % places.size()];
+        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(k));
         rays[k] = {tracer.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
       }
       tracer.occluded(rays, blocked, Purpose::PatchSky);

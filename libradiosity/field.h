@@ -18,7 +18,12 @@ struct DirectMap {
   const Rgb* at(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;
 };
 
-/// Illuminance on patches before any bounce [lx].
+/// Finds the parts of patches that lie inside solids (a floor under a column, the end of a beam in a wall): nobody sees them, no light reaches
+/// them, and as parts of a mean they would darken what is seen. A place is buried when all of a few rays from it meet backs of one-sided surfaces.
+/// Sets Patch::exposed and takes the buried share off Patch::area_m2.
+void exposePatches(PatchMesh&, const Scene&, const Tracer&, const Run&);
+
+/// Illuminance on the exposed part of patches before any bounce [lx].
 struct PatchLight {
   std::vector<Rgb> direct;   ///< punctual lights and emitters
   std::vector<Rgb> sky;

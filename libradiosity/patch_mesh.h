@@ -18,15 +18,18 @@ struct Leaf {
 };
 
 struct Patch {
-  double area_m2 = 0.0;               ///< holes of Mask materials taken off
+  double area_m2 = 0.0;               ///< holes of Mask materials and (after exposePatches) buried parts taken off
   glm::dvec3 centre_m{0.0};
   glm::dvec3 normal{0.0};             ///< unit; towards the side that it stands for
   double radius_m = 0.0;              ///< of the sphere about centre_m that holds it
   Rgb reflectance{0.0f};              ///< area mean
   std::uint32_t object = 0;
   std::uint32_t firstLeaf = 0, leafCount = 0;
+  std::uint16_t exposed = 0xffff;     ///< which of its kPatchPlaces places see something else than the inside of a solid
   bool back = false;                  ///< the back of a double-sided material: leaves run clockwise seen from this side
 };
+
+inline constexpr std::uint32_t kPatchPlaces = 16;   ///< fixed places on each patch, of sequence(seed, Draw::PatchDirect, 0, 0, patch, 0, 0)
 
 struct PatchOptions {
   double size_m = 0.5;                ///< side of the square that a patch is meant to be

@@ -16,12 +16,19 @@ constexpr double kLeastRaysOfShooter = 4.0;      // a patch with less to send wa
 constexpr std::uint32_t kBackFace = kNone - 1, kLeft = kNone;
 constexpr std::size_t kRaysAtOnce = 1 << 20;     // hits kept between tracing (parallel) and adding up (in order)
 constexpr int kHoleTries = 8;
+constexpr std::uint32_t kBurialTries = 16;
 
 struct Shooter {
   std::uint32_t patch;
   std::uint32_t rays;
   std::uint64_t firstRay;
 };
+
+std::uint32_t target(const PatchMesh& mesh, const Hit& hit) {
+  if (!hit) return kLeft;
+  const std::uint32_t patch = mesh.patchAt(hit.triangle, hit.bary, hit.front);
+  return patch == kNone ? kBackFace : patch;
+}
 
 double strengthOf(const glm::dvec3& c) { return std::max({c.x, c.y, c.z}); }
 
@@ -110,11 +117,10 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
           for (std::uint32_t q = 0; q < m; ++q) batch[q] = leaving(scene, tracer, mesh, mesh.patches[s.patch], numbers, r + q, s.rays);
           tracer.closest({batch.data(), m}, {met.data(), m}, Purpose::Shoot);
           for (std::uint32_t q = 0; q < m; ++q) {
-            std::uint32_t to = kLeft;
-            if (met[q]) {
-              to = mesh.patchAt(met[q].triangle, met[q].bary, met[q].front);
-              if (to == kNone) to = kBackFace;
-            }
+            std::uint32_t to = target(mesh, met[q]);
+            // From the buried part of a patch: start anew elsewhere on it.
+            for (std::uint32_t attempt = 1; to == kBackFace && mesh.patches[s.patch].exposed != 0xffff && attempt <= kBurialTries; ++attempt)
+              to = target(mesh, tracer.closest(leaving(scene, tracer, mesh, mesh.patches[s.patch], numbers, attempt * s.rays + r + q, s.rays), Purpose::Shoot));
             hits[std::size_t(s.firstRay) + r + q] = to;
           }
         }

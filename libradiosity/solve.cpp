@@ -92,9 +92,13 @@ FormFactors computeFormFactors(const Scene& scene, const Tracer& tracer, const P
       rays[k] = {tracer.lifted(p.position_m, normal), glm::vec3(frameAbout(normal) * cosineHemisphere({u.x, u.y})), INFINITY};
     }
     tracer.closest(rays, hits, Purpose::Visibility);
-    std::uint32_t met = 0;
-    for (const Hit& h : hits) met += h && mesh.patchAt(h.triangle, h.bary, h.front) != kNone;
-    f.closure[i] = double(met) / kClosureRays;
+    std::uint32_t met = 0, backs = 0;
+    for (const Hit& h : hits) {
+      if (!h) continue;
+      ++(mesh.patchAt(h.triangle, h.bary, h.front) != kNone ? met : backs);
+    }
+    const std::uint32_t from = patch.exposed == 0xffff ? kClosureRays : kClosureRays - backs;   // rays of buried parts do not count
+    f.closure[i] = from > 0 ? double(met) / from : 0.0;
   });
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < i; ++j) f.exchange_m2[i * n + j] = f.exchange_m2[j * n + i];

@@ -19,7 +19,7 @@ struct Charts {
 int mapSide(const Scene&, int wanted, double texelsPerMetre);
 
 /// Throws Error Unsupported when an object that receives light has no TEXCOORD_1, Broken when a UV lies outside [0, 1] by more than 1/64
-/// texel or when two triangles overlap by more than 1/256 texel (decided by exact predicates, measured after). Names object, mesh and triangle.
+/// texel or when two triangles overlap by more than 1/32 texel, or by a strip wider than that (decided by exact predicates, measured after). Names object, mesh and triangle.
 /// Triangles without UV area that have area in the level are counted in a warning.
 Charts findCharts(const Scene&, int mapSide, const Run&);
 

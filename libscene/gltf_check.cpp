@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 #include <unordered_set>
@@ -472,6 +473,10 @@ void Checker::allExtras() const {
 }
 
 void Checker::all() {
+  // References count the entries of arrays, so these must be arrays before anything else is looked at.
+  for (const Rule& rule : kRootRules)
+    if (const Json* value = rule.is == Is::Array ? member(gltf_, rule.key) : nullptr; value && !value->is_array())
+      throw broken(root_.child(rule.key), "is not an array", rule.code);
   if (!member(gltf_, "asset")) throw broken(root_, "has no \"asset\"", "LMC_VERSION");
   checkObject(gltf_, root_, std::span(kRootRules).first(3));
   versions();

@@ -345,11 +345,19 @@ bool Loader::addTriangles(const Part& part, std::uint32_t firstVertex, bool mirr
 
 void Loader::checkTextureSets(const Object& object, const Part& part) const {
   const Material& material = scene_.materials[object.material];
-  for (const TextureSlot& slot : kTextureSlots)
-    if (const Texture& texture = material.*slot.texture; texture && (texture.uvSet == 0 ? part.uv0 : part.uv1).empty())
-      throw Error(Exit::Broken, file_.path, fmt::format("/meshes/{}/primitives/{}", object.mesh, object.primitive),
+  const std::string where = fmt::format("/meshes/{}/primitives/{}", object.mesh, object.primitive);
+  for (const TextureSlot& slot : kTextureSlots) {
+    const Texture& texture = material.*slot.texture;
+    if (!texture) continue;
+    if (texture.uvSet > 1)
+      throw Error(Exit::Unsupported, file_.path, where,
+                  fmt::format("/materials/{}{} uses TEXCOORD_{}; only 0 and 1 are supported", object.material, slot.pointer, texture.uvSet),
+                  "LMC_TEXCOORD");
+    if ((texture.uvSet == 0 ? part.uv0 : part.uv1).empty())
+      throw Error(Exit::Broken, file_.path, where,
                   fmt::format("has no TEXCOORD_{}, which its material wants at /materials/{}{}", texture.uvSet, object.material, slot.pointer),
                   "LMC_REFERENCE");
+  }
 }
 
 void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_t instance, const glm::dmat4& world, bool instanced) {
@@ -529,6 +537,8 @@ Scene Loader::load() {
 
 }  // namespace
 
-Scene loadLevel(const std::filesystem::path& level, const LoadLimits& limits, const Run& run) { return Loader(level, limits, run).load(); }
+Scene loadLevel(const std::filesystem::path& level, const LoadLimits& limits, const Run& run) {
+  return withJsonErrors(level, [&] { return Loader(level, limits, run).load(); });
+}
 
 }  // namespace lmc

@@ -1,5 +1,6 @@
 #include "libscene/level_material.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -61,10 +62,7 @@ Texture readTexture(const MaterialPlace& place, int texture, int texCoord, const
     out.transform = transformOf(*transform);
     texCoord = transform->value("texCoord", texCoord);
   }
-  if (texCoord > 1)
-    throw Error(Exit::Unsupported, place.file.path, place.where + slot, fmt::format("uses TEXCOORD_{}; only 0 and 1 are supported", texCoord),
-                "LMC_TEXCOORD");
-  out.uvSet = std::uint8_t(texCoord);
+  out.uvSet = std::uint8_t(std::min(texCoord, 255));   // above 1 is refused where a mesh uses it
   return out;
 }
 

@@ -118,17 +118,19 @@ std::vector<std::uint8_t> glb(const std::string& json, const std::vector<std::ui
 
 std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, const LoadLimits& limits, const std::vector<NodeMap>& maps,
                                         const std::vector<std::uint32_t>& bakedLightNodes) {
-  GltfFile file = readGltf(level, limits, Run{});   // what there is to say of it was said when it was loaded
-  for (const char* array : {"buffers", "bufferViews"})
-    if (!member(file.json, array)) file.json[array] = Json::array();
-  std::vector<std::uint8_t> bin = mergeBuffers(file);
-  embedImages(file, limits, bin);
-  mark(file.json, maps, bakedLightNodes);
-  if (!bin.empty()) file.json["buffers"][0]["byteLength"] = bin.size();
-  // Without bytes nothing can point to buffer 0, and glTF has no empty arrays.
-  else if (file.json["buffers"].size() == 1) file.json.erase("buffers");
-  if (file.json["bufferViews"].empty()) file.json.erase("bufferViews");
-  return glb(file.json.dump(), bin, level);
+  return withJsonErrors(level, [&] {
+    GltfFile file = readGltf(level, limits, Run{});   // what there is to say of it was said when it was loaded
+    for (const char* array : {"buffers", "bufferViews"})
+      if (!member(file.json, array)) file.json[array] = Json::array();
+    std::vector<std::uint8_t> bin = mergeBuffers(file);
+    embedImages(file, limits, bin);
+    mark(file.json, maps, bakedLightNodes);
+    if (!bin.empty()) file.json["buffers"][0]["byteLength"] = bin.size();
+    // Without bytes nothing can point to buffer 0, and glTF has no empty arrays.
+    else if (file.json["buffers"].size() == 1) file.json.erase("buffers");
+    if (file.json["bufferViews"].empty()) file.json.erase("bufferViews");
+    return glb(file.json.dump(), bin, level);
+  });
 }
 
 }  // namespace lmc

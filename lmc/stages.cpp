@@ -81,6 +81,7 @@ void patches(Bake& b) {
   const double wanted = std::min(kPatchesAtTwoPercent * 0.02 / b.options.goal, double(options.maxPatches));
   options.size_m = b.options.patchSize_m > 0.0 ? b.options.patchSize_m : std::sqrt(reflectingArea_m2(b.scene) / wanted);
   b.patches = makePatches(b.scene, options, b.run);
+  exposePatches(b.patches, b.scene, *b.tracer, b.run);
   // Two halves of the direct map make one for what hits see.
   std::vector<Rgb> mean(b.map.size());
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b.map.direct[0][i] + b.map.direct[1][i]);

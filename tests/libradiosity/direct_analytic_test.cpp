@@ -1,0 +1,123 @@
+/// Direct light of whole texels against closed forms.
+#include <gtest/gtest.h>
+
+#include "libradiosity/form_factor.h"
+#include "libscene/constants.h"
+#include "tests/support/bake_scene.h"
+#include "tests/support/scenes.h"
+
+namespace lmc {
+namespace {
+
+using test::bakeScene;
+using test::SceneBuilder;
+
+Light pointLight(glm::dvec3 at, float candela) {
+  Light l;
+  l.path = "/lamp";
+  l.position_m = at;
+  l.intensity = Rgb(candela);
+  return l;
+}
+
+/// Value at the texel that holds this place of the quad (0..1 along u and v); cells of a 4 x 4 layout with margins of a tenth.
+Rgb at(const test::Baked& b, std::uint32_t object, double u, double v) {
+  const double cell = 0.25, margin = 0.025;
+  const int x = int((double(object % 4) * cell + margin + (cell - 2 * margin) * u) * b.map.width), y = int((double(object / 4) * cell + margin + (cell - 2 * margin) * v) * b.map.height);
+  return b.values.direct[std::size_t(y) * std::size_t(b.map.width) + std::size_t(x)];
+}
+
+TEST(DirectLight, TexelMeanUnderAPointLight) {
+  SceneBuilder s;
+  const auto m = s.material(Rgb(0.0f));
+  s.quad({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, m);
+  s.scene.lights.push_back(pointLight({0, 1, 0}, 10.0f));
+  const test::Baked b = bakeScene(s.scene, {.side = 80, .goal = 0.01, .bounce = false});
+  // 16 texels of 1/8 m along the quad; exact mean of I h/(x^2 + z^2 + h^2)^1.5 over a texel that begins at the middle:
+  // the closed form of the integral is atan(x z/(h sqrt(x^2 + z^2 + h^2))).
+  const double a = 0.125, exact = 10.0 * std::atan(a * a / std::sqrt(2 * a * a + 1.0)) / (a * a);
+  EXPECT_NEAR(at(b, 0, 0.5 + 1e-4, 0.5 + 1e-4).x, exact, 2e-3 * exact);
+}
+
+TEST(DirectLight, UnoccludedEmitterIsTheClosedFormWithoutNoise) {
+  SceneBuilder s;
+  const auto black = s.material(Rgb(0.0f)), lamp = s.material(Rgb(0.0f), Rgb(3.0f, 2.0f, 1.0f));
+  s.quad({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, black);
+  s.quad({-0.5f, 2, -0.5f}, {1, 0, 0}, {0, 0, 1}, lamp);   // faces down
+  const test::Baked b = bakeScene(s.scene, {.side = 320, .bounce = false});
+  const Polygon3 panel{{-0.5, 2, -0.5}, {0.5, 2, -0.5}, {0.5, 2, 0.5}, {-0.5, 2, 0.5}};
+  for (const double u : {0.1, 0.5, 0.9}) {
+    const double exact = kPi * elementToPolygon({-1 + 2 * u, 0, 1 - 2 * u}, {0, 1, 0}, panel);
+    const Rgb got = at(b, 0, u, u);
+    EXPECT_NEAR(got.r, 3.0 * exact, 3e-3 * 3.0 * exact);   // the texel's corner against its mean: one texel is 1/64 of the quad
+    EXPECT_NEAR(got.g / got.r, 2.0 / 3.0, 1e-6);
+  }
+  EXPECT_LT(b.ledger.noise, 1e-3);
+}
+
+TEST(DirectLight, PenumbraOfAHalfPlane) {
+  // The lamp 1 x 1 at height 3, an edge at height 1 over x < 0: the place x sees the part of the lamp beyond the edge, exactly a smaller rectangle.
+  SceneBuilder s;
+  const auto black = s.material(Rgb(0.0f)), lamp = s.material(Rgb(0.0f), Rgb(1.0f));
+  s.quad({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, black);
+  s.quad({-0.5f, 3, -0.5f}, {1, 0, 0}, {0, 0, 1}, lamp);
+  s.quad({-50, 1, -50}, {50, 0, 0}, {0, 0, 100}, black);   // blocker, edge at x = 0
+  s.scene.objects[2].receive = false;
+  const test::Baked b = bakeScene(s.scene, {.side = 640, .goal = 0.01, .bounce = false});
+  for (const double x : {-0.2, -0.05, 0.05, 0.2}) {
+    // From (x, 0) the edge (0, 1) projects to lamp height 3 at x + 3 (0 - x) = -2x: visible where lamp x > -2x.
+    const double from = std::clamp(-2.0 * x, -0.5, 0.5);
+    const Polygon3 seen{{from, 3, -0.5}, {0.5, 3, -0.5}, {0.5, 3, 0.5}, {from, 3, 0.5}};
+    const double exact = kPi * elementToPolygon({x, 0, 0}, {0, 1, 0}, seen);
+    EXPECT_NEAR(at(b, 0, 0.5 + x / 2, 0.5).x, exact, 0.04 * exact + 1e-4) << x;   // 128 places a texel: 2 % of the lamp, measured in methods; half a texel of shift 1 %
+  }
+}
+
+TEST(DirectLight, SunEdgeInsideATexelIsItsShare) {
+  // A wall's straight shadow covers 30 % of one column of texels.
+  SceneBuilder s;
+  const auto black = s.material(Rgb(0.0f));
+  s.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, black);                       // 16 x 16 texels at side 80
+  s.quad({-5, 1, 5}, {5.0f + 0.5f + 0.3f / 16.0f, 0, 0}, {0, 0, -10}, black);   // roof with its edge 0.3 texels into the ninth column
+  s.scene.objects[1].receive = false;
+  Light sun;
+  sun.kind = Light::Kind::Directional;
+  sun.path = "/sun";
+  sun.direction = {0, -1, 0};
+  sun.intensity = Rgb(2.0f);
+  s.scene.lights.push_back(sun);
+  const test::Baked b = bakeScene(s.scene, {.side = 80, .goal = 0.01, .bounce = false});
+  EXPECT_NEAR(at(b, 0, 0.53, 0.5).x, 1.4, 0.02);
+  EXPECT_EQ(at(b, 0, 0.40, 0.5).x, 0.0f);
+  EXPECT_NEAR(at(b, 0, 0.70, 0.5).x, 2.0, 1e-6);
+}
+
+TEST(Sky, OpenPlaneSeesAllOfItExactly) {
+  SceneBuilder s;
+  s.quad({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, s.material(Rgb(0.5f)));
+  s.scene.sky = Rgb(1.0f, 0.5f, 0.25f);
+  const test::Baked b = bakeScene(s.scene, {.side = 64});
+  for (std::size_t i = 0; i < b.map.size(); ++i)
+    if (b.map.chart[i] != kNone) {
+      EXPECT_NEAR(b.values.direct[i].r, kPi, 1e-5);
+      EXPECT_NEAR(b.values.direct[i].b, kPi / 4, 1e-5);
+      EXPECT_EQ(b.values.indirect[i].r, 0.0f);
+    }
+}
+
+TEST(Sky, WallHidesItsShare) {
+  // A wall of height h at distance a, endless: openness = 1 - (1 - cos(atan(h/a)))/2, cosine-weighted.
+  SceneBuilder s;
+  const auto black = s.material(Rgb(0.0f));
+  s.quad({-0.1f, 0, 0.1f}, {0.2f, 0, 0}, {0, 0, -0.2f}, black);
+  s.quad({-200, -0.5f, -1}, {400, 0, 0}, {0, 2.5f, 0}, black);   // faces +z, top at 2, distance 1
+  s.scene.objects[1].receive = false;
+  s.scene.sky = Rgb(1.0f);
+  const test::Baked b = bakeScene(s.scene, {.side = 32, .goal = 0.005, .bounce = false});
+  const double exact = kPi * (1.0 - 0.5 * (1.0 - 1.0 / std::sqrt(5.0)));
+  EXPECT_NEAR(b.mean(0).x, exact, 0.01 * exact);
+  EXPECT_LT(b.ledger.bound95, 0.02);
+}
+
+}  // namespace
+}  // namespace lmc

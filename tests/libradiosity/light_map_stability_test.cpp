@@ -1,0 +1,114 @@
+/// The same must come out when it should: for any number of threads, at another place, at another size.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "tests/support/bake_scene.h"
+#include "tests/support/scenes.h"
+
+namespace lmc {
+namespace {
+
+using test::bakeScene;
+
+/// A room with an emitter, a lamp and a box on the floor, scaled and moved. Light is scaled so that E stays as it is.
+Scene room(float scale = 1.0f, glm::vec3 at = glm::vec3(0.0f)) {
+  test::SceneBuilder s;
+  const auto white = s.material(Rgb(0.7f)), red = s.material(Rgb(0.6f, 0.1f, 0.1f)), lamp = s.material(Rgb(0.0f), Rgb(2.0f));
+  s.room(at, at + scale * glm::vec3(3, 2.5f, 4), {white, red, white, white, white, white});
+  s.quad(at + scale * glm::vec3(1, 2.4f, 1), scale * glm::vec3(1, 0, 0), scale * glm::vec3(0, 0, 1), lamp);
+  s.quad(at + scale * glm::vec3(0.5f, 0.8f, 2), scale * glm::vec3(1, 0, 0), scale * glm::vec3(0, 0, -1), white);
+  Light l;
+  l.path = "/lamp";
+  l.position_m = glm::dvec3(at) + double(scale) * glm::dvec3(2.2, 1.5, 3.1);
+  l.intensity = Rgb(3.0f * scale * scale);
+  s.scene.lights.push_back(l);
+  return s.scene;
+}
+
+TEST(LightMap, SameBytesForAnyNumberOfThreads) {
+  const Scene scene = room();
+  const test::Baked one = bakeScene(scene, {.threads = 1});
+  for (const int threads : {2, 7}) {
+    const test::Baked many = bakeScene(scene, {.threads = threads});
+    EXPECT_EQ(std::memcmp(one.values.direct.data(), many.values.direct.data(), one.map.size() * sizeof(Rgb)), 0) << threads;
+    EXPECT_EQ(std::memcmp(one.values.indirect.data(), many.values.indirect.data(), one.map.size() * sizeof(Rgb)), 0) << threads;
+    EXPECT_EQ(std::memcmp(one.values.error.data(), many.values.error.data(), one.map.size() * sizeof(Rgb)), 0) << threads;
+    EXPECT_EQ(one.rays, many.rays);
+  }
+}
+
+/// RMS difference over texels, relative to the mean of a.
+double difference(const test::Baked& a, const test::Baked& b) {
+  double sum = 0.0, n = 0.0;
+  for (std::size_t i = 0; i < a.map.size(); ++i) {
+    if (a.map.chart[i] == kNone) continue;
+    const glm::dvec3 d = glm::dvec3(a.values.direct[i] + a.values.indirect[i]) - glm::dvec3(b.values.direct[i] + b.values.indirect[i]);
+    sum += glm::dot(d, d) / 3.0;
+    n += 1.0;
+  }
+  return std::sqrt(sum / n) / a.ledger.mean;
+}
+
+TEST(LightMap, SizeOfTheLevelDoesNotMatter) {
+  const test::Baked metre = bakeScene(room(), {});
+  for (const float scale : {1e-3f, 1e3f}) {
+    const test::Baked other = bakeScene(room(scale), {.patchSize_m = 0.5 * double(scale)});
+    // Same random numbers, other roundings: samples at edges and the patches' cuts may fall to the other side; both stay inside their own stated errors.
+    EXPECT_LT(difference(metre, other), metre.ledger.bound95 + other.ledger.bound95) << scale;
+    EXPECT_NEAR(other.ledger.mean, metre.ledger.mean, 2e-3 * metre.ledger.mean) << scale;
+  }
+}
+
+TEST(LightMap, ADroppedLampMovesNoOthersSamples) {
+  Scene scene = room();
+  const test::Baked with = bakeScene(scene, {.bounce = false});
+  scene.lights[0].intensity = Rgb(0.0f);
+  const test::Baked dark = bakeScene(scene, {.bounce = false});
+  scene.lights.clear();
+  const test::Baked without = bakeScene(scene, {.bounce = false});
+  EXPECT_EQ(std::memcmp(dark.values.direct.data(), without.values.direct.data(), dark.map.size() * sizeof(Rgb)), 0);
+  EXPECT_GT(with.ledger.mean, without.ledger.mean);
+}
+
+TEST(LightMap, LitRoomBesideADarkOneStaysDark) {
+  test::SceneBuilder s;
+  const auto white = s.material(Rgb(0.8f));
+  s.room({0, 0, 0}, {2, 2, 2}, {white, white, white, white, white, white});
+  s.room({2, 0, 0}, {4, 2, 2}, {white, white, white, white, white, white});   // the walls touch, back to back
+  Light l;
+  l.path = "/lamp";
+  l.position_m = {1, 1, 1};
+  l.intensity = Rgb(100.0f);
+  s.scene.lights.push_back(l);
+  const test::Baked b = bakeScene(s.scene, {.side = 96});
+  for (std::size_t i = 0; i < b.map.size(); ++i) {
+    if (b.map.chart[i] == kNone || b.map.object[i] < 6) continue;
+    EXPECT_LE(b.values.direct[i].x + b.values.indirect[i].x, 1e-6 * b.ledger.mean) << "texel " << i;
+  }
+}
+
+TEST(ErrorLedger, EstimateAgreesWithTheSpreadOverSeeds) {
+  // The RMS difference of two independent bakes is sqrt(2) times the noise of one.
+  const Scene scene = room();
+  const test::Baked a = bakeScene(scene, {.goal = 0.04});
+  Scene other = scene;
+  // Charts moved by one texel: the same texels at other addresses, and so other random numbers.
+  for (auto& uv : other.uv1) uv += glm::vec2(1.0f / 64.0f, 0.0f);
+  const test::Baked b = bakeScene(other, {.goal = 0.04});
+  double sum = 0.0, n = 0.0;
+  for (int y = 0; y < 64; ++y)
+    for (int x = 0; x < 63; ++x) {
+      const std::size_t i = std::size_t(y) * 64 + std::size_t(x), k = i + 1;
+      if (a.map.chart[i] == kNone || b.map.chart[k] == kNone) continue;
+      const glm::dvec3 d = glm::dvec3(a.values.direct[i] + a.values.indirect[i]) - glm::dvec3(b.values.direct[k] + b.values.indirect[k]);
+      sum += glm::dot(d, d) / 3.0;
+      n += 1.0;
+    }
+  const double measured = std::sqrt(sum / n / 2.0) / a.ledger.mean;
+  EXPECT_GT(a.ledger.noise, measured / 1.5);
+  EXPECT_LT(a.ledger.noise, measured * 1.5);
+}
+
+}  // namespace
+}  // namespace lmc
