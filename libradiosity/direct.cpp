@@ -14,15 +14,15 @@ namespace lmc {
 
 namespace {
 
-constexpr std::size_t kMaxEmitterPieces = 48;   // closed forms a texel when a level has few emissive triangles
+constexpr std::size_t kMaxEmitterPieces = 48;   // when a level has few emissive triangles
 constexpr std::size_t kClosedFormPlaces = 4;    // the unoccluded factor is smooth over a texel
-constexpr double kDefensive = 0.05;             // share of the choice of pieces that goes by area: a place may see what the first ones did not
+constexpr double kDefensive = 0.05;             // share of the choice of pieces that goes by power alone: a place may see what the first one does not
 constexpr std::size_t kMaxPlaces = 256;
 
 }  // namespace
 
-DirectLight::DirectLight(const Scene& scene, const Tracer& tracer, bool shadows, const Run& run)
-    : scene_(scene), tracer_(tracer), shadows_(shadows), emitters_(findEmitters(scene, kMaxEmitterPieces, run)) {}
+DirectLight::DirectLight(const Scene& scene, const Tracer& tracer, bool shadows)
+    : scene_(scene), tracer_(tracer), shadows_(shadows), emitters_(findEmitters(scene, kMaxEmitterPieces)) {}
 
 std::vector<std::uint32_t> DirectLight::lightsFor(const glm::dvec3& centre_m, double radius_m) const {
   std::vector<std::uint32_t> lights;
@@ -35,7 +35,7 @@ DirectSample DirectLight::sample(std::span<const SurfacePoint> places, std::span
   assert(places.size() <= kMaxPlaces);
   DirectSample out;
   for (const std::uint32_t light : lights) addPunctual(out, places, light);
-  if (!emitters_.empty()) addEmitters(out, places, address);
+  if (hasEmitters()) addEmitters(out, places, address);
   return out;
 }
 
@@ -72,26 +72,32 @@ void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> p
 }
 
 void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> places, const Sobol4& address) const {
-  // E of each piece, closed form, mean over a few of the places.
-  thread_local std::vector<double> factor, cumulative;
-  factor.assign(emitters_.size(), 0.0);
-  const std::size_t closed = std::min(kClosedFormPlaces, places.size());
-  for (std::size_t e = 0; e < emitters_.size(); ++e)
-    for (std::size_t i = 0; i < closed; ++i) factor[e] += elementToPolygon(places[i].position_m, places[i].normal, emitters_[e].corner_m) / double(closed);
+  // E without blockers, closed form, mean over a few of the places.
   glm::dvec3 unoccluded(0.0);
-  double total = 0.0, area = 0.0;
-  for (std::size_t e = 0; e < emitters_.size(); ++e) {
-    unoccluded += kPi * factor[e] * glm::dvec3(emitters_[e].radiance);
-    total += factor[e] * strength(emitters_[e].radiance);
-    if (factor[e] > 0.0) area += emitters_[e].area_m2 * strength(emitters_[e].radiance);
+  const std::size_t closed = std::min(kClosedFormPlaces, places.size());
+  for (const Emitter& e : emitters_.whole) {
+    double factor = 0.0;
+    for (std::size_t i = 0; i < closed; ++i) factor += elementToPolygon(places[i].position_m, places[i].normal, e.corner_m) / double(closed);
+    unoccluded += kPi * factor * glm::dvec3(e.radiance);
   }
-  if (!(total > 0.0)) return;
-  cumulative.resize(emitters_.size() + 1);
+  if (unoccluded == glm::dvec3(0.0)) return;
+
+  // The choice of pieces: what they would give to the first place, by the disc form, and a little by power alone.
+  const std::vector<Emitter>& pieces = emitters_.pieces;
+  thread_local std::vector<double> factor, cumulative;
+  factor.resize(pieces.size());
+  double total = 0.0, power = 0.0;
+  for (std::size_t e = 0; e < pieces.size(); ++e) {
+    const glm::dvec3 centre = (pieces[e].corner_m[0] + pieces[e].corner_m[1] + pieces[e].corner_m[2]) / 3.0;
+    factor[e] = strength(pieces[e].radiance) * elementToDisc(places[0].position_m, places[0].normal, centre, pieces[e].normal, pieces[e].area_m2);
+    total += factor[e];
+    power += strength(pieces[e].radiance) * pieces[e].area_m2;
+  }
+  cumulative.resize(pieces.size() + 1);
   cumulative[0] = 0.0;
-  for (std::size_t e = 0; e < emitters_.size(); ++e) {
-    const double s = strength(emitters_[e].radiance);
-    const double share = (1.0 - kDefensive) * factor[e] * s / total + (factor[e] > 0.0 ? kDefensive * emitters_[e].area_m2 * s / area : 0.0);
-    cumulative[e + 1] = cumulative[e] + share;
+  for (std::size_t e = 0; e < pieces.size(); ++e) {
+    const double byPower = strength(pieces[e].radiance) * pieces[e].area_m2 / power;
+    cumulative[e + 1] = cumulative[e] + (total > 0.0 ? (1.0 - kDefensive) * factor[e] / total + kDefensive * byPower : byPower);
   }
 
   std::array<Ray, kMaxPlaces> rays;
@@ -103,8 +109,8 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
     const glm::vec2 u = address.point2(std::uint32_t(i));
     const double pick = double(u.x) * cumulative.back();
     std::size_t e = std::size_t(std::ranges::upper_bound(cumulative, pick) - cumulative.begin()) - 1;
-    e = std::min(e, emitters_.size() - 1);
-    const Emitter& emitter = emitters_[e];
+    e = std::min(e, pieces.size() - 1);
+    const Emitter& emitter = pieces[e];
     const double share = cumulative[e + 1] - cumulative[e];
     if (!(share > 0.0)) continue;
     const double s = std::sqrt(std::clamp((pick - cumulative[e]) / share, 0.0, 1.0));

@@ -23,15 +23,16 @@ struct DirectSample {
 class DirectLight {
  public:
   /// Without `shadows` light goes through everything and no ray is cast.
-  DirectLight(const Scene&, const Tracer&, bool shadows, const Run&);
-  bool any() const { return !scene_.lights.empty() || !emitters_.empty(); }
-  const std::vector<Emitter>& emitters() const { return emitters_; }
+  DirectLight(const Scene&, const Tracer&, bool shadows);
+  bool any() const { return !scene_.lights.empty() || hasEmitters(); }
+  bool hasEmitters() const { return !emitters_.whole.empty(); }
+  const Emitters& emitters() const { return emitters_; }
 
   /// Lights that may reach some point of the sphere.
   std::vector<std::uint32_t> lightsFor(const glm::dvec3& centre_m, double radius_m) const;
 
   /// One place each for every point; `address` names the random numbers on the emitters. Punctual lights: one shadow ray a place and light.
-  /// Emitters: one ray a place, to a piece chosen by its share of the closed form, a place on it by area; the visible share is weighted by
+  /// Emitters: one ray a place, to a piece chosen by about what it would give, a place on it by area; the visible share is weighted by
   /// the kernel (sum K V / sum K), so that it is exact where nothing blocks and unbiased by the shape of a penumbra.
   DirectSample sample(std::span<const SurfacePoint> places, std::span<const std::uint32_t> lights, const Sobol4& address) const;
 
@@ -44,7 +45,7 @@ class DirectLight {
   const Scene& scene_;
   const Tracer& tracer_;
   bool shadows_;
-  std::vector<Emitter> emitters_;
+  Emitters emitters_;
 };
 
 }  // namespace lmc

@@ -26,7 +26,7 @@ double longestEdge_m(const Emitter& e, int& edge) {
 
 }  // namespace
 
-std::vector<Emitter> findEmitters(const Scene& scene, std::size_t maxCount, const Run&) {
+Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
   std::vector<Emitter> emitters;
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
     const Material& material = scene.materialOf(t);
@@ -48,12 +48,13 @@ std::vector<Emitter> findEmitters(const Scene& scene, std::size_t maxCount, cons
       emitters.push_back(e);
     }
   }
-  // Halve the longest edges first.
+  Emitters out;
+  out.whole = emitters;
   const double smallest = 2.0 * double(scene.extent_m) * kSmallestPiece;
   std::priority_queue<std::pair<double, std::size_t>> queue;
   int edge = 0;
   for (std::size_t i = 0; i < emitters.size(); ++i) queue.emplace(longestEdge_m(emitters[i], edge), i);
-  while (!queue.empty() && emitters.size() < maxCount && queue.top().first > smallest) {
+  while (!queue.empty() && emitters.size() < maxPieces && queue.top().first > smallest) {
     const std::size_t i = queue.top().second;
     queue.pop();
     longestEdge_m(emitters[i], edge);
@@ -68,7 +69,8 @@ std::vector<Emitter> findEmitters(const Scene& scene, std::size_t maxCount, cons
     queue.emplace(longestEdge_m(emitters[i], edge), i);
     queue.emplace(longestEdge_m(other, edge), emitters.size() - 1);
   }
-  return emitters;
+  out.pieces = std::move(emitters);
+  return out;
 }
 
 }  // namespace lmc

@@ -1,14 +1,14 @@
 #pragma once
 /// Emissive triangles as area lights: closed form for what they give unoccluded, places on them for shadow rays.
+#include <algorithm>
 #include <array>
 #include <vector>
 
-#include "libscene/run.h"
 #include "libscene/scene.h"
 
 namespace lmc {
 
-/// A piece of an emissive triangle; a double-sided material gives two, back to back.
+/// An emissive triangle or a piece of one; a double-sided material gives two, back to back.
 struct Emitter {
   std::uint32_t triangle = 0;
   std::array<glm::vec2, 3> bary;             ///< weights of its corners in the triangle; counter-clockwise seen from the side that shines
@@ -19,9 +19,13 @@ struct Emitter {
   bool textured = false;
 };
 
-/// Pieces no longer than `maxEdge_m` as long as there are at most `maxCount` of them: with them, choosing a piece by what it would give
-/// is most of the way to choosing a place by what it would give.
-std::vector<Emitter> findEmitters(const Scene&, std::size_t maxCount, const Run&);
+struct Emitters {
+  std::vector<Emitter> whole;    ///< for the closed form
+  std::vector<Emitter> pieces;   ///< for shadow rays: choosing a piece by what it would give is most of the way to choosing a place by it
+};
+
+/// Halves the longest pieces until there are `maxPieces` (or more emissive triangles than that), or none is long against the level.
+Emitters findEmitters(const Scene&, std::size_t maxPieces);
 
 /// Largest channel, by which emitters are chosen.
 inline float strength(const Rgb& c) { return std::max({c.r, c.g, c.b}); }

@@ -252,7 +252,7 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
     const Sphere bounds = boundsOf(scene, tile);
     if (bounds.radius < 0.0) return;
     const std::vector<std::uint32_t> lights = direct.lightsFor(bounds.centre, bounds.radius);
-    if (lights.empty() && direct.emitters().empty()) return;
+    if (lights.empty() && !direct.hasEmitters()) return;
     constexpr int kSpan = kTile + 2 * kApron;
     std::vector<TexelDirect> pilot(std::size_t(kSpan) * kSpan);
     const auto cell = [](int x, int y) { return std::size_t(y + kApron) * kSpan + std::size_t(x + kApron); };

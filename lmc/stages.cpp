@@ -14,7 +14,9 @@ namespace lmc {
 namespace {
 
 constexpr double kDefaultTexelsPerMetre = 16.0;
-constexpr double kPatchesAtTwoPercent = 8000.0;   // of a level; their number goes with 1/goal (error is of second order in their size)
+// Squares of the patch size in a level's area; about three times as many patches come of it. Their number goes with 1/goal, for their error is of second
+// order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
+constexpr double kPatchesAtTwoPercent = 3000.0;
 constexpr std::size_t kDenseByItself = 600;       // below it the dense solver costs less than the noise of shooting
 constexpr double kShootingTail = 2e-4;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
@@ -62,13 +64,13 @@ void trace(Bake& b) {
 
 void directLight(Bake& b) {
   if (!b.tracer) return;
-  b.direct = std::make_unique<DirectLight>(b.scene, *b.tracer, b.plan.runs(Effect::Shadow), b.run);
+  b.direct = std::make_unique<DirectLight>(b.scene, *b.tracer, b.plan.runs(Effect::Shadow));
   if (!b.direct->any()) {
     b.summary = "no lights but the sky";
     return;
   }
   bakeDirect(b.map, b.scene, *b.texels, *b.direct, {b.options.goal}, b.run);
-  b.summary = fmt::format("{} lights, {} pieces of emitters", b.scene.lights.size(), b.direct->emitters().size());
+  b.summary = fmt::format("{} lights, {} emissive triangles", b.scene.lights.size(), b.direct->emitters().whole.size());
 }
 
 void patches(Bake& b) {

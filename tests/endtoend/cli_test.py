@@ -253,7 +253,9 @@ class Bakes(Case):
             with self.subTest(albedo=albedo):
                 subprocess.run([sys.executable, sample("make_samples.py"), "--only", "furnace", "--furnace-albedo", str(albedo), "--out", self.folder],
                                check=True, stdout=subprocess.DEVNULL)
-                done = lmc("bake", self.path("furnace.glb"), "-o", self.out)
+                # Shooting takes 1/(1 - albedo) times as many passes: coarser patches, which change nothing where all light is even.
+                coarse = ("--patch-size", "0.4") if albedo > 0.5 else ()
+                done = lmc("bake", self.path("furnace.glb"), "-o", self.out, *coarse)
                 self.assertEqual(done.returncode, 0, done.stderr)
                 with open(os.path.join(self.out, "report.json")) as f:
                     report = json.load(f)

@@ -45,7 +45,7 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
     const Charts charts = findCharts(scene, o.side, run);
     const TexelMap texels(scene, charts, o.side, o.side);
     const Tracer tracer(scene);
-    const DirectLight direct(scene, tracer, true, run);
+    const DirectLight direct(scene, tracer, true);
     out.map = startMap(scene, texels, run);
     bakeDirect(out.map, scene, texels, direct, {o.goal}, run);
     std::vector<Rgb> mean(out.map.size());
