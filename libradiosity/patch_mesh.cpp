@@ -347,17 +347,34 @@ PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run)
 
 }  // namespace
 
-double reflectingArea_m2(const Scene& scene) {
-  double sum = 0.0;
-  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t)
-    if (reflects(scene, t)) sum += area_m2(scene.corners_m(t));
-  return sum;
+double patchSizeFor_m(const Scene& scene, double squares) {
+  struct Shape {
+    double area_m2, longest_m;
+  };
+  std::vector<Shape> shapes;
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
+    if (!reflects(scene, t)) continue;
+    const auto c = scene.corners_m(t);
+    shapes.push_back({area_m2(c), std::max({glm::distance(c[0], c[1]), glm::distance(c[1], c[2]), glm::distance(c[2], c[0])})});
+  }
+  if (shapes.empty()) return 1.0;
+  const auto count = [&](double size) {
+    double n = 0.0;
+    for (const Shape& s : shapes) n += std::max(s.area_m2 / (size * size), s.longest_m > 2.0 * size ? 0.5 * s.longest_m / size : 0.0);
+    return n;
+  };
+  double lo = double(scene.extent_m) * 1e-6, hi = double(scene.extent_m) * 10.0;
+  for (int step = 0; step < 50; ++step) {
+    const double mid = std::sqrt(lo * hi);
+    (count(mid) > squares ? lo : hi) = mid;
+  }
+  return hi;
 }
 
 PatchMesh makePatches(const Scene& scene, const PatchOptions& options, const Run& run) {
   PatchOptions grown = options;
   // A size that would cut the level's area into far more patches than allowed is not even tried.
-  grown.size_m = std::max(grown.size_m, std::sqrt(reflectingArea_m2(scene) / options.maxPatches));
+  grown.size_m = std::max(grown.size_m, patchSizeFor_m(scene, options.maxPatches));
   for (;;) {
     PatchMesh mesh = build(scene, grown, run);
     if (mesh.patches.size() <= options.maxPatches) return mesh;

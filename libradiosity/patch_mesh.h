@@ -62,7 +62,7 @@ struct PatchMesh {
 /// Patches of everything that reflects: cast, not Blend, not degenerate.
 PatchMesh makePatches(const Scene&, const PatchOptions&, const Run&);
 
-/// Area of everything that makePatches() takes [m^2].
-double reflectingArea_m2(const Scene&);
+/// The size of patches that cuts the level into about `squares` of them. A sliver counts by its length, for it is cut along it. [m]
+double patchSizeFor_m(const Scene&, double squares);
 
 }  // namespace lmc

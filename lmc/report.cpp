@@ -39,7 +39,10 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   r["illuminance"] = {{"unit", "lx"}, {"mean", rgb(mean)}, {"min", e.texels > 0 ? lo : 0.0}, {"max", hi}};
   r["maps"] = Json::array({{{"file", "lightmap.exr"}, {"width", b.map.width}, {"height", b.map.height}, {"scale", b.scale}}});
   r["texels"] = {{"covered", e.texels}, {"all", b.map.size()}};
-  r["patches"] = {{"count", b.patches.patches.size()}, {"size_m", b.patches.size_m}, {"faces", b.patches.leaves.size()}, {"unjoined_triangles", b.patches.unjoined}};
+  std::uint64_t twoSided = 0;
+  for (const Object& o : b.scene.objects) twoSided += o.receive && b.scene.materials[o.material].doubleSided ? o.triangleCount : 0;
+  r["double_sided_triangles_without_light_on_their_back"] = twoSided;
+  r["patches"] = {{"count", b.patches.patches.size()}, {"size_m", b.patches.size_m}, {"faces", b.patches.leaves.size()}, {"unjoined_triangles", b.patches.unjoined}, {"mean_reflectance", b.meanReflectance}, {"albedo_clamped", b.clampedPatches}};
   if (!b.patches.patches.empty()) {
     const Solution& s = b.solutions[0];
     r["solver"] = {{"method", b.solvedDense ? "dense" : "shooting"}, {"passes", s.passes}, {"stop", s.stop == Stop::Energy ? "energy" : s.stop == Stop::Passes ? "passes" : "nothing to send"},

@@ -18,6 +18,10 @@ constexpr double kDefaultTexelsPerMetre = 16.0;
 // order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
 constexpr double kPatchesAtTwoPercent = 3000.0;
 constexpr std::size_t kDenseByItself = 600;       // below it the dense solver costs less than the noise of shooting
+constexpr double kNearlyWhite = 0.95;             // area mean of reflectance from which shooting takes hundreds of passes: dense there
+constexpr double kPatchesNearlyWhite = 400.0;     // squares; the field of such a level is smooth
+constexpr std::size_t kDenseNearlyWhite = 1500;
+constexpr float kMostReflectance = 0.999f;        // at 1 a closed room has no finite solution
 constexpr double kShootingTail = 2e-4;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
 
@@ -40,6 +44,24 @@ void plan(Bake& b) {
     for (Material& m : b.scene.materials) m.emission = Rgb(0.0f);
 }
 
+namespace {
+
+/// Charts so small that other charts have the texels in which they lie.
+void warnOfLostCharts(const Bake& b) {
+  std::vector<bool> seen(b.charts.count, false);
+  for (const std::uint32_t c : b.map.chart)
+    if (c != kNone) seen[c] = true;
+  const auto lost = std::ranges::count(seen, false);
+  if (lost == 0) return;
+  const auto first = std::uint32_t(std::ranges::find(seen, false) - seen.begin());
+  const auto triangle = std::uint32_t(std::ranges::find(b.charts.chartOf, first) - b.charts.chartOf.begin());
+  const Object& o = b.scene.objectOf(triangle);
+  b.run.warn({{}, b.scene.file.string(), fmt::format("/meshes/{}/primitives/{}/attributes/TEXCOORD_1", o.mesh, o.primitive),
+              fmt::format("{} light-map charts are too small to get a texel of a map of {} x {}; the first is of object '{}'", lost, b.side, b.side, o.path), "LMC_UV_TINY"});
+}
+
+}  // namespace
+
 void charts(Bake& b) {
   const double density = b.options.texelsPerMetre > 0.0 ? b.options.texelsPerMetre : b.scene.texelsPerMetre > 0.0 ? b.scene.texelsPerMetre : kDefaultTexelsPerMetre;
   const int known = b.options.texelsPerMetre > 0.0 ? 0 : b.scene.mapResolution;   // a density that was asked for goes before the level's size
@@ -47,6 +69,7 @@ void charts(Bake& b) {
   b.charts = findCharts(b.scene, b.side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side, b.side);
   b.map = startMap(b.scene, *b.texels, b.run);
+  warnOfLostCharts(b);
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
   b.summary = fmt::format("{} x {} map, {} charts, {} texels covered", b.side, b.side, b.charts.count, covered);
 }
@@ -73,6 +96,32 @@ void directLight(Bake& b) {
   b.summary = fmt::format("{} lights, {} emissive triangles", b.scene.lights.size(), b.direct->emitters().whole.size());
 }
 
+namespace {
+
+double meanReflectance(const PatchMesh& mesh) {
+  double sum = 0.0, area = 0.0;
+  for (const Patch& p : mesh.patches) {
+    sum += p.area_m2 * (double(p.reflectance.r) + double(p.reflectance.g) + double(p.reflectance.b)) / 3.0;
+    area += p.area_m2;
+  }
+  return area > 0.0 ? sum / area : 0.0;
+}
+
+void clampReflectance(Bake& b) {
+  std::uint32_t firstObject = kNone;
+  for (Patch& p : b.patches.patches) {
+    if (strength(p.reflectance) <= kMostReflectance) continue;
+    p.reflectance = glm::min(p.reflectance, Rgb(kMostReflectance));
+    if (b.clampedPatches++ == 0) firstObject = p.object;
+  }
+  if (b.clampedPatches == 0) return;
+  const Object& o = b.scene.objects[firstObject];
+  b.run.warn({{}, b.scene.file.string(), fmt::format("/materials/{}", o.material),
+              fmt::format("albedo above {} is taken as {} on {} patches, the first of object '{}'", kMostReflectance, kMostReflectance, b.clampedPatches, o.path), "LMC_ALBEDO_ONE"});
+}
+
+}  // namespace
+
 void patches(Bake& b) {
   if (!b.plan.runs(Effect::Bounce)) {
     b.summary = "no bounces";
@@ -81,8 +130,14 @@ void patches(Bake& b) {
   PatchOptions options;
   options.maxPatches = b.options.maxPatches;
   const double wanted = std::min(kPatchesAtTwoPercent * 0.02 / b.options.goal, double(options.maxPatches));
-  options.size_m = b.options.patchSize_m > 0.0 ? b.options.patchSize_m : std::sqrt(reflectingArea_m2(b.scene) / wanted);
+  options.size_m = b.options.patchSize_m > 0.0 ? b.options.patchSize_m : patchSizeFor_m(b.scene, wanted);
   b.patches = makePatches(b.scene, options, b.run);
+  b.meanReflectance = meanReflectance(b.patches);
+  if (b.meanReflectance > kNearlyWhite && b.options.patchSize_m == 0.0 && b.options.solver == Solver::Auto && b.options.passes == 0) {
+    options.size_m = patchSizeFor_m(b.scene, kPatchesNearlyWhite);
+    b.patches = makePatches(b.scene, options, b.run);
+  }
+  clampReflectance(b);
   exposePatches(b.patches, b.scene, *b.tracer, b.run);
   // Two halves of the direct map make one for what hits see.
   std::vector<Rgb> mean(b.map.size());
@@ -98,7 +153,7 @@ void solve(Bake& b) {
   const std::size_t n = b.patches.patches.size();
   if (b.options.solver == Solver::Dense && n > kMaxDensePatches)
     throw Error(Exit::Limit, b.scene.file, "", fmt::format("--solver dense takes at most {} patches, the level has {}: raise --patch-size", kMaxDensePatches, n), "LMC_DENSE");
-  b.solvedDense = b.options.passes == 0 && !b.options.snapshot && (b.options.solver == Solver::Dense || (b.options.solver == Solver::Auto && n <= kDenseByItself));
+  b.solvedDense = b.options.passes == 0 && !b.options.snapshot && (b.options.solver == Solver::Dense || (b.options.solver == Solver::Auto && n <= (b.meanReflectance > kNearlyWhite ? kDenseNearlyWhite : kDenseByItself)));
   if (b.solvedDense) {
     const FormFactors f = computeFormFactors(b.scene, *b.tracer, b.patches, b.run);
     b.closureError = f.closureError;

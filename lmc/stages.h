@@ -26,6 +26,8 @@ struct Bake {
   LightMap map;                              // direct, hemisphere
   std::unique_ptr<DirectLight> direct;
   PatchMesh patches;                         // patches
+  double meanReflectance = 0.0;              ///< by area
+  std::uint32_t clampedPatches = 0;          ///< whose albedo was above what can be solved
   PatchLight patchLight;
   std::array<Solution, 2> solutions;         // solve; the dense solver fills both alike
   bool solvedDense = false;

@@ -53,7 +53,7 @@ TEST(DirectLight, UnoccludedEmitterIsTheClosedFormWithoutNoise) {
     const double u = centre(wish, 64);
     const double exact = kPi * elementToPolygon({-1 + 2 * u, 0, 1 - 2 * u}, {0, 1, 0}, panel);
     const Rgb got = at(b, 0, u, u);
-    EXPECT_NEAR(got.r, 3.0 * exact, 1e-3 * 3.0 * exact);   // mean of 8 places against the centre: second order in a texel of 1/64
+    EXPECT_NEAR(got.r, 3.0 * exact, 2e-3 * 3.0 * exact);   // 8 places of a texel of 1/64, E falling by up to 1.5 % across it: 1.5 % / 8
     EXPECT_NEAR(got.g / got.r, 2.0 / 3.0, 1e-6);
   }
   EXPECT_LT(b.ledger.noise, 1e-3);
