@@ -99,7 +99,7 @@ class Sobol4 {
     x *= (s >> 15) | 1u;
     x ^= x * 0xb82f1e52u;
     x ^= x * 0xc7afe638u;
-    x += s * 0x9e3779b1u;
+    x += ((s << 16) | (s >> 16)) * 0x9e3779b1u;   // other bits of the seed: s twice would take itself out of the highest bit again
     x ^= x * 0x8d22f6e6u;
     return float(sobol::reversed(x) >> 8) * 0x1p-24f;
   }

@@ -1,0 +1,60 @@
+#include "lmc/options.h"
+
+#include <gtest/gtest.h>
+
+#include <variant>
+
+namespace lmc {
+namespace {
+
+template <class... Words>
+Command parse(Words... words) {
+  const char* argv[] = {"lmc", words...};
+  return parseCommandLine(int(std::size(argv)), argv);
+}
+
+TEST(Options, GoalIsPercentOrShare) {
+  EXPECT_EQ(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out")).goal, 0.02);
+  EXPECT_FALSE(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out")).goalIsExplicit);
+  EXPECT_EQ(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--max-error", "1%")).goal, 0.01);
+  EXPECT_EQ(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--max-error", "0.005")).goal, 0.005);
+  EXPECT_EQ(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--preset", "draft")).goal, 0.08);
+  const auto both = std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--max-error", "1%", "--preset", "draft"));
+  EXPECT_EQ(both.goal, 0.01);
+  EXPECT_TRUE(both.goalIsExplicit);
+}
+
+TEST(Options, EveryComplaintIsAUsageError) {
+  const auto refused = [](auto... words) {
+    try {
+      parse(words...);
+    } catch (const Error& e) {
+      return e.kind == Exit::Usage && std::string(e.what()).find('\n') == std::string::npos;
+    }
+    return false;
+  };
+  EXPECT_TRUE(refused("bake"));
+  EXPECT_TRUE(refused("bake", "a.glb"));
+  EXPECT_TRUE(refused("bake", "a.glb", "-o", "out", "--nonsense"));
+  EXPECT_TRUE(refused("bake", "a.glb", "-o", "out", "--max-error", "-1%"));
+  EXPECT_TRUE(refused("bake", "a.glb", "-o", "out", "--max-error", "nan"));
+  EXPECT_TRUE(refused("bake", "a.glb", "-o", "out", "--sky", "1,2"));
+  EXPECT_TRUE(refused("bake", "a.glb", "-o", "out", "--sky", "1,2,-3"));
+  EXPECT_TRUE(refused("bake", "a.glb", "-o", "out", "--passes", "0.5"));
+  EXPECT_TRUE(refused("bake", "a.glb", "-o", "out", "-j", "0"));
+  EXPECT_TRUE(refused("frobnicate"));
+}
+
+TEST(Options, SkyTakesNoneSceneOrARadiance) {
+  EXPECT_FALSE(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--sky", "scene")).sky.has_value());
+  EXPECT_EQ(*std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--sky", "none")).sky, Rgb(0.0f));
+  EXPECT_EQ(*std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--sky", "1,2,0.5")).sky, Rgb(1.0f, 2.0f, 0.5f));
+}
+
+TEST(Options, HelpIsTextForStdout) {
+  EXPECT_NE(std::get<ShowText>(parse("--help")).text.find("bake"), std::string::npos);
+  EXPECT_NE(std::get<ShowText>(parse("bake", "--help")).text.find("--max-error"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace lmc
