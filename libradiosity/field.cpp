@@ -54,15 +54,15 @@ std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32
 
 }  // namespace
 
-const Rgb* DirectMap::at(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
+std::uint32_t DirectMap::texelAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
   const Object& object = scene.objectOf(triangle);
-  if (!illuminance || !object.receive || !object.hasUv1) return nullptr;
+  if (!illuminance || !object.receive || !object.hasUv1) return kNone;
   const glm::uvec3 t = scene.triangles[triangle];
   const glm::vec2 uv = (1.0f - bary.x - bary.y) * scene.uv1[t.x] + bary.x * scene.uv1[t.y] + bary.y * scene.uv1[t.z];
   const int x = int(std::floor(uv.x * float(width))), y = int(std::floor(uv.y * float(height)));
-  if (x < 0 || y < 0 || x >= width || y >= height) return nullptr;
+  if (x < 0 || y < 0 || x >= width || y >= height) return kNone;
   const std::size_t i = std::size_t(y) * std::size_t(width) + std::size_t(x);
-  return chart[i] == kNone ? nullptr : illuminance + i;
+  return chart[i] == kNone ? kNone : std::uint32_t(i);
 }
 
 void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, const Run& run) {
@@ -154,6 +154,17 @@ Field::Seen Field::at(const Hit& hit, int half) const {
   const Rgb rho = mesh_.patches[id].reflectance;
   const auto h = std::size_t(half);
   return {rho * ((known ? *known : direct_[id]) + indirect_[h][id]), rho * ((known ? *known : coarseDirect_[id]) + coarseIndirect_[h][id])};
+}
+
+const Rgb* Field::reflectanceAt(const Hit& hit) const {
+  const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
+  return id == kNone ? nullptr : &mesh_.patches[id].reflectance;
+}
+
+const Rgb* Field::sureDirectAt(const Hit& hit) const {
+  if (!hit.front) return nullptr;
+  const std::uint32_t i = map_.texelAt(scene_, hit.triangle, hit.bary);
+  return i == kNone || (map_.edge && map_.edge[i]) ? nullptr : map_.illuminance + i;
 }
 
 }  // namespace lmc

@@ -13,9 +13,13 @@ struct DirectMap {
   int width = 0, height = 0;
   const Rgb* illuminance = nullptr;      ///< one a texel [lx]; nullptr = none
   const std::uint32_t* chart = nullptr;  ///< one a texel; kNone = not covered
-  explicit operator bool() const { return illuminance != nullptr; }
-  /// The texel under a place, or nullptr where the object has no place in the map.
-  const Rgb* at(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;
+  const std::uint8_t* edge = nullptr;    ///< one a texel; not 0 where light changes within the texel, so that its mean is no value at a place
+  /// The number of the texel under a place, or kNone where the object has no place in the map.
+  std::uint32_t texelAt(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;
+  const Rgb* at(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
+    const std::uint32_t i = texelAt(scene, triangle, bary);
+    return i == kNone ? nullptr : illuminance + i;
+  }
 };
 
 /// Finds the parts of patches that lie inside solids (a floor under a column, the end of a beam in a wall): nobody sees them, no light reaches
@@ -43,6 +47,12 @@ class Field {
     Rgb coarse{0.0f};     ///< the same from patches twice the size
   };
   Seen at(const Hit&, int half) const;
+
+  /// Reflectance of the side that was hit; nullptr where it reflects nothing.
+  const Rgb* reflectanceAt(const Hit&) const;
+  /// Direct light at the very place, where the map knows it for sure; nullptr at edges of shadows, off the map, on backs.
+  const Rgb* sureDirectAt(const Hit&) const;
+  double patchSize_m() const { return mesh_.size_m; }
 
  private:
   const Scene& scene_;

@@ -6,14 +6,62 @@
 
 namespace lmc {
 
+namespace {
+
+constexpr std::uint32_t kBatch = 256;
+constexpr double kNear = 1.0;   // sizes of a patch: nearer hits are evaluated at the place
+
+}  // namespace
+
+void Gather::addNear(Gathered& out, std::span<const NearHit> hits, std::uint64_t key, int half) const {
+  std::array<Ray, kBatch> rays;
+  std::array<Hit, kBatch> met;
+  std::array<Rgb, kBatch> reflectance;
+  std::size_t n = 0;
+  for (const NearHit& near : hits) {
+    const Rgb* rho = field_->reflectanceAt(near.hit);
+    if (!rho) continue;
+    SurfacePoint p = surfacePoint(scene_, near.hit.triangle, glm::dvec2(near.hit.bary));
+    if (!near.hit.front) {
+      p.normal = -p.normal;
+      p.geometricNormal = -p.geometricNormal;
+    }
+    const Sobol4 numbers(combine(key, near.index));
+    const Rgb* sure = field_->sureDirectAt(near.hit);
+    const glm::dvec3 direct = sure ? glm::dvec3(*sure) : direct_.sample({&p, 1}, direct_.lightsFor(p.position_m, 0.0), numbers).illuminance;
+    const glm::dvec3 back = glm::dvec3(*rho) * direct;
+    out.bounced += back;
+    out.coarse += back;
+    const glm::vec4 u = numbers.point(0);
+    const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere({u.z, u.w});
+    if (glm::dot(d, p.geometricNormal) <= 0.0) continue;
+    reflectance[n] = *rho;
+    rays[n++] = {tracer_.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
+  }
+  tracer_.closest({rays.data(), n}, {met.data(), n}, Purpose::Gather);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!met[i]) {
+      const glm::dvec3 sky = kPi * glm::dvec3(reflectance[i] * scene_.sky);
+      out.bounced += sky;
+      out.coarse += sky;
+      continue;
+    }
+    const Field::Seen seen = field_->at(met[i], half);
+    out.bounced += glm::dvec3(reflectance[i] * seen.exitance);
+    out.coarse += glm::dvec3(reflectance[i] * seen.coarse);
+  }
+}
+
 Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const {
-  constexpr std::uint32_t kBatch = 256;
   const Texel& texel = tile.at(x, y);
   const Sobol4 numbers = sequence(seed_, Draw::Hemisphere, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), std::uint32_t(half));
   Gathered out;
   std::array<Ray, kBatch> rays;
   std::array<Hit, kBatch> hits;
   std::array<std::uint8_t, kBatch> blocked;
+  std::array<std::uint32_t, kBatch> index;
+  std::vector<NearHit> near;
+  const double nearest_m = field_ ? kNear * field_->patchSize_m() : 0.0;
   for (std::uint32_t first = begin; first < end; first += kBatch) {
     std::size_t n = 0;
     for (std::uint32_t k = first; k < std::min(end, first + kBatch); ++k) {
@@ -21,6 +69,7 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
       const SurfacePoint p = sampleTexel(scene_, tile, texel, {u.z, u.w});
       const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere({u.x, u.y});
       if (glm::dot(d, p.geometricNormal) <= 0.0) continue;
+      index[n] = k;
       rays[n++] = {tracer_.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
     }
     if (!field_) {
@@ -34,9 +83,19 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
         ++out.sky;
         continue;
       }
+      if (double(hits[i].t) < nearest_m) {
+        near.push_back({hits[i], index[i]});
+        continue;
+      }
       const Field::Seen seen = field_->at(hits[i], half);
       out.bounced += glm::dvec3(seen.exitance);
       out.coarse += glm::dvec3(seen.coarse);
+    }
+    if (!near.empty()) {
+      std::uint64_t key = combine(combine(seed_, std::uint64_t(Draw::NearHit)), std::uint64_t(half));
+      key = combine(key, (std::uint64_t(tile.x0 + x) << 32) | std::uint64_t(tile.y0 + y));
+      addNear(out, near, key, half);
+      near.clear();
     }
   }
   return out;

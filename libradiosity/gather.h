@@ -1,5 +1,7 @@
 #pragma once
-/// Hemisphere rays of a texel: what they bring back from the patch solution, and how many see the sky.
+/// Hemisphere rays of a texel: what they bring back from the patch solution, and how many see the sky. Patches are too coarse for hits that are
+/// nearer than their size (inside corners, where things touch): there light is evaluated at the hit itself, direct by shadow rays and the rest by
+/// one more hemisphere ray (second-level gather).
 #include <cstdint>
 
 #include "libradiosity/field.h"
@@ -22,15 +24,23 @@ struct Gathered {
 class Gather {
  public:
   /// `field` may be null: then rays only ask for the sky, and cost what an occlusion ray costs.
-  Gather(const Scene& scene, const Tracer& tracer, const Field* field, std::uint64_t seed) : scene_(scene), tracer_(tracer), field_(field), seed_(seed) {}
+  Gather(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const Field* field, std::uint64_t seed)
+      : scene_(scene), tracer_(tracer), direct_(direct), field_(field), seed_(seed) {}
 
   /// Rays [begin, end) of the texel's sequence: ray k is the same whatever else is asked. E about the interpolated normal; a direction below
   /// the face itself counts as blocked and is not cast.
   Gathered rays(const TexelTile&, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const;
 
  private:
+  struct NearHit {
+    Hit hit;
+    std::uint32_t index;   ///< of its ray in the texel's sequence
+  };
+  void addNear(Gathered&, std::span<const NearHit>, std::uint64_t key, int half) const;
+
   const Scene& scene_;
   const Tracer& tracer_;
+  const DirectLight& direct_;
   const Field* field_;
   std::uint64_t seed_;
 };

@@ -240,6 +240,7 @@ LightMap startMap(const Scene& scene, const TexelMap& texels, const Run& run) {
   map.chart.assign(n, kNone);
   map.object.assign(n, kNone);
   for (auto& d : map.direct) d.assign(n, Rgb(0.0f));
+  map.edge.assign(n, 0);
   map.rays.assign(n, 0);
   forTiles(texels, run, [&](const TexelTile& tile) {
     for (int y = 0; y < tile.height; ++y)
@@ -283,6 +284,7 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
           }
         if (!settled) here = directOf(scene, tile, x, y, direct, lights, edgePlaces(options.goal), run.seed);
         const std::size_t i = texelIndex(map, tile, x, y);
+        map.edge[i] = !settled;
         for (std::size_t h = 0; h < 2; ++h) map.direct[h][i] = Rgb(here.half[h].illuminance);
       }
   });

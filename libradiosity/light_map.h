@@ -15,6 +15,7 @@ struct LightMap {
   std::vector<std::uint32_t> chart;                 ///< kNone = not covered
   std::vector<std::uint32_t> object;                ///< of the texel's first fragment
   std::array<std::vector<Rgb>, 2> direct;           ///< punctual lights and emitters, E [lx]
+  std::vector<std::uint8_t> edge;                   ///< 1 where direct light changes within the texel or beside it
   std::array<std::vector<Rgb>, 2> bounced;          ///< sums over hemisphere rays
   std::array<std::vector<float>, 2> sky;            ///< hemisphere rays that left the level
   std::vector<Rgb> coarse;                          ///< sums over both halves, from patches of twice the size

@@ -29,7 +29,7 @@ constexpr std::uint64_t hashName(std::string_view name) {
 }
 
 /// What a sequence of random numbers is for. Values are part of the results: append only.
-enum class Draw : std::uint64_t { Direct = 1, Hemisphere = 2, PatchDirect = 3, PatchSky = 4, Shoot = 5, Visibility = 6, Closure = 7 };
+enum class Draw : std::uint64_t { Direct = 1, Hemisphere = 2, PatchDirect = 3, PatchSky = 4, Shoot = 5, Visibility = 6, Closure = 7, NearHit = 8 };
 
 namespace sobol {
 // Direction numbers in reversed bit order, so that a scramble (which works from the highest bit down) is one multiply-and-add chain.

@@ -143,7 +143,7 @@ void patches(Bake& b) {
   std::vector<Rgb> mean(b.map.size());
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b.map.direct[0][i] + b.map.direct[1][i]);
   b.values.direct = std::move(mean);
-  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data()};
+  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), b.map.edge.data()};
   b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run);
   b.summary = fmt::format("{} patches of {:.3g} m, {} faces", b.patches.patches.size(), b.patches.size_m, b.patches.leaves.size());
 }
@@ -197,7 +197,7 @@ void solve(Bake& b) {
       throw Error(Exit::Numerical, b.scene.file, "", fmt::format("energy does not balance: {:.3g} of the bounced light is made or lost", off), "LMC_ENERGY");
     if (off > kWarnImbalance) b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
   }
-  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data()};
+  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), b.map.edge.data()};
   b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.patchLight, std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance});
 }
 
@@ -206,7 +206,7 @@ void hemisphere(Bake& b) {
     b.summary = "no sky and no bounces";
     return;
   }
-  const Gather gather(b.scene, *b.tracer, b.field.get(), b.run.seed);
+  const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.run.seed);
   bakeHemisphere(b.map, b.scene, *b.texels, gather, {b.options.goal}, b.run);
   double rays = 0.0, texels = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
