@@ -50,9 +50,10 @@ void prepare(const char* level) {
     const TexelTile tile = map.texels(covered[c].first);
     const int x = covered[c].second % tile.width, y = covered[c].second / tile.width;
     const Sobol4 numbers = sequence(1, Draw::Hemisphere, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), 0);
+    const TexelSampler sampler(bench.scene, tile, tile.at(x, y));
     for (std::uint32_t k = 0; k < kRaysPerTexel; ++k) {
       const glm::vec4 u = numbers.point(k);
-      const SurfacePoint p = sampleTexel(bench.scene, tile, tile.at(x, y), {u.z, u.w});
+      const SurfacePoint p = sampler.at({u.z, u.w});
       bench.rays.push_back({bench.tracer->lifted(p.position_m, p.geometricNormal), glm::vec3(frameAbout(p.geometricNormal) * cosineHemisphere({u.x, u.y})), INFINITY});
     }
   }

@@ -56,7 +56,10 @@ std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32
 
 std::uint32_t DirectMap::texelAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
   const Object& object = scene.objectOf(triangle);
-  if (!illuminance || !object.receive || !object.hasUv1) return kNone;
+  return illuminance && object.receive && object.hasUv1 ? texelUnder(scene, triangle, bary) : kNone;
+}
+
+std::uint32_t DirectMap::texelUnder(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
   const glm::uvec3 t = scene.triangles[triangle];
   const glm::vec2 uv = (1.0f - bary.x - bary.y) * scene.uv1[t.x] + bary.x * scene.uv1[t.y] + bary.y * scene.uv1[t.z];
   const int x = int(std::floor(uv.x * float(width))), y = int(std::floor(uv.y * float(height)));
@@ -135,25 +138,46 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
   return out;
 }
 
-Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const PatchLight& light, std::array<const Bounced*, 2> solutions)
-    : scene_(scene), mesh_(mesh), map_(map), direct_(light.direct) {
+Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap* texels, const PatchLight& light,
+             std::array<const Bounced*, 2> solutions, const Run& run)
+    : scene_(scene), mesh_(mesh), map_(map), inMap_(scene.triangles.size(), false) {
   std::uint32_t count = 0;
   const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
-  coarseDirect_ = groupMeans(mesh, group, count, direct_);
+  const std::vector<Rgb> coarseDirect = groupMeans(mesh, group, count, light.direct);
+  std::array<std::vector<Rgb>, 2> indirect, coarseIndirect;   // sky and bounces
   for (std::size_t h = 0; h < 2; ++h) {
-    indirect_[h] = *solutions[h];
-    for (std::size_t i = 0; i < indirect_[h].size(); ++i) indirect_[h][i] += light.sky[i];
-    coarseIndirect_[h] = groupMeans(mesh, group, count, indirect_[h]);
+    indirect[h] = *solutions[h];
+    for (std::size_t i = 0; i < indirect[h].size(); ++i) indirect[h][i] += light.sky[i];
+    coarseIndirect[h] = groupMeans(mesh, group, count, indirect[h]);
+    for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
+      const Rgb rho = mesh.patches[i].reflectance;
+      patches_[h].push_back({rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect[h][i])});
+    }
   }
+  if (!texels || !map) return;
+  for (auto& t : texels_) t.resize(std::size_t(map.width) * std::size_t(map.height));
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) inMap_[t] = scene.objectOf(t).receive && scene.objectOf(t).hasUv1;
+  parallelFor(run, texels->tileCount(), 1, [&](std::size_t tileIndex) {
+    const TexelTile tile = texels->texels(tileIndex);
+    for (int y = 0; y < tile.height; ++y)
+      for (int x = 0; x < tile.width; ++x) {
+        if (tile.at(x, y).fragmentCount == 0) continue;
+        const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
+        const std::uint32_t id = mesh.patchAt(p.triangle, p.bary, true);
+        if (id == kNone) continue;
+        const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(map.width) + std::size_t(tile.x0 + x);
+        const Rgb rho = mesh.patches[id].reflectance;
+        for (std::size_t h = 0; h < 2; ++h) texels_[h][i] = {rho * (map.illuminance[i] + indirect[h][id]), rho * (map.illuminance[i] + coarseIndirect[h][id])};
+      }
+  });
 }
 
 Field::Seen Field::at(const Hit& hit, int half) const {
-  const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
-  if (id == kNone) return {};
-  const Rgb* known = hit.front ? map_.at(scene_, hit.triangle, hit.bary) : nullptr;
-  const Rgb rho = mesh_.patches[id].reflectance;
   const auto h = std::size_t(half);
-  return {rho * ((known ? *known : direct_[id]) + indirect_[h][id]), rho * ((known ? *known : coarseDirect_[id]) + coarseIndirect_[h][id])};
+  if (hit.front && inMap_[hit.triangle])
+    if (const std::uint32_t i = map_.texelUnder(scene_, hit.triangle, hit.bary); i != kNone) return texels_[h][i];
+  const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
+  return id == kNone ? Seen{} : patches_[h][id];
 }
 
 const Rgb* Field::reflectanceAt(const Hit& hit) const {

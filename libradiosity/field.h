@@ -13,9 +13,11 @@ struct DirectMap {
   int width = 0, height = 0;
   const Rgb* illuminance = nullptr;      ///< one a texel [lx]; nullptr = none
   const std::uint32_t* chart = nullptr;  ///< one a texel; kNone = not covered
+  explicit operator bool() const { return illuminance != nullptr; }
   const std::uint8_t* edge = nullptr;    ///< one a texel; not 0 where light changes within the texel, so that its mean is no value at a place
   /// The number of the texel under a place, or kNone where the object has no place in the map.
   std::uint32_t texelAt(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;
+  std::uint32_t texelUnder(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;   ///< the same for an object known to have one
   const Rgb* at(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
     const std::uint32_t i = texelAt(scene, triangle, bary);
     return i == kNone ? nullptr : illuminance + i;
@@ -41,7 +43,8 @@ using Bounced = std::vector<Rgb>;
 /// solver show in the difference of the halves; a coarse copy (means over groups of patches twice the size) shows what patch size costs.
 class Field {
  public:
-  Field(const Scene&, const PatchMesh&, const DirectMap&, const PatchLight&, std::array<const Bounced*, 2> solutions);
+  /// `texels` are those of the map; without a map (tests) patches alone are read.
+  Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap*, const PatchLight&, std::array<const Bounced*, 2> solutions, const Run&);
   struct Seen {
     Rgb exitance{0.0f};   ///< B [lm/m^2]; emitted light is not in it
     Rgb coarse{0.0f};     ///< the same from patches twice the size
@@ -58,8 +61,8 @@ class Field {
   const Scene& scene_;
   const PatchMesh& mesh_;
   DirectMap map_;
-  std::vector<Rgb> direct_, coarseDirect_;
-  std::array<std::vector<Rgb>, 2> indirect_, coarseIndirect_;   // sky and bounces
+  std::vector<bool> inMap_;                            // one a triangle: its front has texels
+  std::array<std::vector<Seen>, 2> patches_, texels_;  // of each half; a texel's is that of the patch under its middle, with its own direct light
 };
 
 }  // namespace lmc

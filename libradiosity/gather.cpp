@@ -53,7 +53,7 @@ void Gather::addNear(Gathered& out, std::span<const NearHit> hits, std::uint64_t
 }
 
 Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const {
-  const Texel& texel = tile.at(x, y);
+  const TexelSampler sampler(scene_, tile, tile.at(x, y));
   const Sobol4 numbers = sequence(seed_, Draw::Hemisphere, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), std::uint32_t(half));
   Gathered out;
   std::array<Ray, kBatch> rays;
@@ -66,7 +66,7 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
     std::size_t n = 0;
     for (std::uint32_t k = first; k < std::min(end, first + kBatch); ++k) {
       const glm::vec4 u = numbers.point(k);
-      const SurfacePoint p = sampleTexel(scene_, tile, texel, {u.z, u.w});
+      const SurfacePoint p = sampler.at({u.z, u.w});
       const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere({u.x, u.y});
       if (glm::dot(d, p.geometricNormal) <= 0.0) continue;
       index[n] = k;

@@ -71,11 +71,12 @@ TexelDirect directOf(const Scene& scene, const TexelTile& tile, int x, int y, co
                      std::uint64_t seed) {
   TexelDirect out;
   std::vector<SurfacePoint> at(places);
+  const TexelSampler sampler(scene, tile, tile.at(x, y));
   for (std::uint32_t h = 0; h < 2; ++h) {
     const Sobol4 numbers = sequence(seed, Draw::Direct, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), h);
     for (std::uint32_t k = 0; k < places; ++k) {
       const glm::vec4 u = numbers.point(k);
-      at[k] = sampleTexel(scene, tile, tile.at(x, y), {u.z, u.w});
+      at[k] = sampler.at({u.z, u.w});
     }
     out.half[h] = direct.sample(at, lights, numbers);
   }

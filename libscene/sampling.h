@@ -1,5 +1,6 @@
 #pragma once
 /// Unit square to directions.
+#include <algorithm>
 #include <cmath>
 #include <glm/glm.hpp>
 
@@ -18,16 +19,16 @@ inline glm::dmat3 frameAbout(const glm::dvec3& n) {
 /// Density cos/pi about +z: E = integral of L cos = pi/N sum L_k, because the cosines cancel. The concentric map of [ShirleyChiu97] keeps
 /// squares of the unit square compact on the disc, and so the stratification of the samples.
 inline glm::dvec3 cosineHemisphere(glm::vec2 u) {
-  const double a = 2.0 * double(u.x) - 1.0, b = 2.0 * double(u.y) - 1.0;
-  double r = 0.0, phi = 0.0;
+  const float a = 2.0f * u.x - 1.0f, b = 2.0f * u.y - 1.0f;
+  float r = 0.0f, phi = 0.0f;
   if (a * a > b * b) {
     r = a;
-    phi = kPi / 4.0 * (b / a);
-  } else if (b != 0.0) {
+    phi = float(kPi / 4.0) * (b / a);
+  } else if (b != 0.0f) {
     r = b;
-    phi = kPi / 2.0 - kPi / 4.0 * (a / b);
+    phi = float(kPi / 2.0) - float(kPi / 4.0) * (a / b);
   }
-  return {r * std::cos(phi), r * std::sin(phi), std::sqrt(std::max(0.0, 1.0 - r * r))};
+  return {double(r * std::cos(phi)), double(r * std::sin(phi)), std::sqrt(std::max(0.0, 1.0 - double(r) * double(r)))};
 }
 
 }  // namespace lmc

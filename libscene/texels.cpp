@@ -59,31 +59,55 @@ glm::dvec2 insideTriangle(glm::dvec2 b) {
 
 }  // namespace
 
-SurfacePoint surfacePoint(const Scene& scene, std::uint32_t triangle, glm::dvec2 bary) {
+SurfacePoint surfacePoint(const Scene& scene, std::uint32_t triangle, glm::dvec2 bary) { return Facet(scene, triangle).at(bary); }
+
+Facet::Facet(const Scene& scene, std::uint32_t triangle) : triangle_(triangle) {
   const auto c = scene.corners_m(triangle);
-  const glm::uvec3 t = scene.triangles[triangle];
-  SurfacePoint p;
-  p.triangle = triangle;
-  p.bary = glm::vec2(bary);
-  p.position_m = c[0] + bary.x * (c[1] - c[0]) + bary.y * (c[2] - c[0]);
-  const glm::dvec3 n = glm::cross(c[1] - c[0], c[2] - c[0]);
+  origin_m_ = c[0];
+  e1_m_ = c[1] - c[0];
+  e2_m_ = c[2] - c[0];
+  const glm::dvec3 n = glm::cross(e1_m_, e2_m_);
   const double length = glm::length(n);
-  p.geometricNormal = length > 0.0 ? n / length : glm::dvec3(0.0, 1.0, 0.0);
-  const glm::dvec3 s = (1.0 - bary.x - bary.y) * glm::dvec3(scene.normals[t.x]) + bary.x * glm::dvec3(scene.normals[t.y]) + bary.y * glm::dvec3(scene.normals[t.z]);
-  const double l = glm::length(s);
-  p.normal = l > 1e-12 ? s / l : p.geometricNormal;
+  geometricNormal_ = length > 0.0 ? n / length : glm::dvec3(0.0, 1.0, 0.0);
+  const glm::uvec3 t = scene.triangles[triangle];
+  n0_ = glm::dvec3(scene.normals[t.x]);
+  n1_ = glm::dvec3(scene.normals[t.y]);
+  n2_ = glm::dvec3(scene.normals[t.z]);
+  flat_ = n0_ == n1_ && n1_ == n2_;
+  if (!flat_) return;
+  const double l = glm::length(n0_);
+  n0_ = l > 1e-12 ? n0_ / l : geometricNormal_;
+}
+
+SurfacePoint Facet::at(glm::dvec2 bary) const {
+  SurfacePoint p;
+  p.triangle = triangle_;
+  p.bary = glm::vec2(bary);
+  p.position_m = origin_m_ + bary.x * e1_m_ + bary.y * e2_m_;
+  p.geometricNormal = geometricNormal_;
+  p.normal = n0_;
+  if (!flat_) {
+    const glm::dvec3 s = (1.0 - bary.x - bary.y) * n0_ + bary.x * n1_ + bary.y * n2_;
+    const double l = glm::length(s);
+    p.normal = l > 1e-12 ? s / l : geometricNormal_;
+  }
   return p;
 }
 
-SurfacePoint sampleTexel(const Scene& scene, const TexelTile& tile, const Texel& texel, glm::vec2 u) {
+TexelSampler::TexelSampler(const Scene& scene, const TexelTile& tile, const Texel& texel) : tile_(tile), texel_(texel) {
   assert(texel.fragmentCount > 0);
-  const Fragment* fragments = tile.fragments.data() + texel.firstFragment;
+  facets_.reserve(texel.fragmentCount);
+  for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) facets_.emplace_back(scene, tile.fragments[texel.firstFragment + i].triangle);
+}
+
+SurfacePoint TexelSampler::at(glm::vec2 u) const {
+  const Fragment* fragments = tile_.fragments.data() + texel_.firstFragment;
   const Fragment* chosen = fragments;
   glm::dvec2 at(u);
-  if (texel.coverage >= kWholeSquare) {
+  if (texel_.coverage >= kWholeSquare) {
     // The square is full: keep the sample where it is, so that its stratification holds, and find who lies there.
     double best = -1e300;
-    for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
+    for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
       const glm::dvec2 b = fragments[i].bary0 + at.x * fragments[i].baryX + at.y * fragments[i].baryY;
       const double inside = std::min({b.x, b.y, 1.0 - b.x - b.y});
       if (inside > best) {
@@ -93,11 +117,11 @@ SurfacePoint sampleTexel(const Scene& scene, const TexelTile& tile, const Texel&
     }
   } else {
     // Choose a triangle of the fans by area with u.x, and use what is left of u.x again within it.
-    double target = double(u.x) * texel.coverage;
+    double target = double(u.x) * texel_.coverage;
     glm::dvec2 a(0.0), b(0.0), c(0.0);
     double part = 0.0;
-    for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
-      const glm::dvec2* p = tile.corners.data() + fragments[i].firstCorner;
+    for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
+      const glm::dvec2* p = tile_.corners.data() + fragments[i].firstCorner;
       bool found = false;
       for (std::uint32_t k = 2; k < fragments[i].cornerCount; ++k) {
         const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
@@ -116,7 +140,7 @@ SurfacePoint sampleTexel(const Scene& scene, const TexelTile& tile, const Texel&
     const double s = std::sqrt(std::clamp(part > 0.0 ? target / part : 0.5, 0.0, 1.0));
     at = a + s * (1.0 - double(u.y)) * (b - a) + s * double(u.y) * (c - a);
   }
-  return surfacePoint(scene, chosen->triangle, insideTriangle(chosen->bary0 + at.x * chosen->baryX + at.y * chosen->baryY));
+  return facets_[std::size_t(chosen - fragments)].at(insideTriangle(chosen->bary0 + at.x * chosen->baryX + at.y * chosen->baryY));
 }
 
 TexelMap::TexelMap(const Scene& scene, const Charts& charts, int width, int height) : scene_(scene), charts_(charts), width_(width), height_(height) {

@@ -49,8 +49,32 @@ struct TexelTile {
   const Texel& at(int x, int y) const { return texels[std::size_t(y + kApron) * (kTile + 2 * kApron) + std::size_t(x + kApron)]; }
 };
 
-/// A place in the covered part of the texel, uniform in the map's plane for u uniform in the unit square. Texel must be covered.
-SurfacePoint sampleTexel(const Scene&, const TexelTile&, const Texel&, glm::vec2 u);
+/// A triangle as double values, made once for many places on it.
+class Facet {
+ public:
+  Facet(const Scene&, std::uint32_t triangle);
+  /// The point with these weights of the second and third corner.
+  SurfacePoint at(glm::dvec2 bary) const;
+
+ private:
+  std::uint32_t triangle_;
+  bool flat_;                            // the corners' normals are one
+  glm::dvec3 origin_m_, e1_m_, e2_m_, geometricNormal_;
+  glm::dvec3 n0_, n1_, n2_;              // flat: n0 is the unit normal
+};
+
+/// Places in the covered part of a texel, which must be covered.
+class TexelSampler {
+ public:
+  TexelSampler(const Scene&, const TexelTile&, const Texel&);
+  /// Uniform in the map's plane for u uniform in the unit square.
+  SurfacePoint at(glm::vec2 u) const;
+
+ private:
+  const TexelTile& tile_;
+  const Texel& texel_;
+  std::vector<Facet> facets_;            // one a fragment
+};
 
 /// All texels of one map.
 class TexelMap {

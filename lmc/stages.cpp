@@ -174,7 +174,7 @@ void solve(Bake& b) {
             for (int y = 0; y < tile.height; ++y)
               for (int x = 0; x < tile.width; ++x) {
                 if (tile.at(x, y).fragmentCount == 0) continue;
-                const SurfacePoint p = sampleTexel(b.scene, tile, tile.at(x, y), {0.5f, 0.5f});
+                const SurfacePoint p = TexelSampler(b.scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
                 const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(b.map.width) + std::size_t(tile.x0 + x);
                 const std::uint32_t patch = b.patches.patchAt(p.triangle, p.bary, true);
                 E[i] = b.values.direct[i] + (patch == kNone ? Rgb(0.0f) : b.patchLight.sky[patch] + bounced[patch]);
@@ -198,7 +198,7 @@ void solve(Bake& b) {
     if (off > kWarnImbalance) b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
   }
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), b.map.edge.data()};
-  b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.patchLight, std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance});
+  b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.texels.get(), b.patchLight, std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance}, b.run);
 }
 
 void hemisphere(Bake& b) {

@@ -52,10 +52,11 @@ TEST(Texels, SamplesStayInTheCoveredPartAndFillItEvenly) {
     const Texel& t = tile.at(x, y);
     ASSERT_GT(t.fragmentCount, 0u);
     const Sobol4 numbers(77);
+    const TexelSampler sampler(scene, tile, t);
     glm::dvec3 mean(0.0);
     constexpr int n = 4096;
     for (std::uint32_t k = 0; k < n; ++k) {
-      const SurfacePoint p = sampleTexel(scene, tile, t, numbers.point2(k));
+      const SurfacePoint p = sampler.at(numbers.point2(k));
       // Back to the map: the quad is 2 x 3 m over 3.5 x 3.25 texels.
       const double u = 2.0 + p.position_m.x / 2.0 * 3.5, v = 2.0 + -p.position_m.z / 3.0 * 3.25;
       EXPECT_GE(u, x - 1e-6);
@@ -148,7 +149,7 @@ TEST(Charts, MirroredChartsKeepTheFront) {
   Scene scene = chartAt({6, 1}, {2, 5}, 8);   // u runs backwards
   const Charts charts = findCharts(scene, 8, {});
   const TexelTile tile = TexelMap(scene, charts, 8, 8).texels(0);
-  const SurfacePoint p = sampleTexel(scene, tile, tile.at(5, 1), {0.5f, 0.5f});
+  const SurfacePoint p = TexelSampler(scene, tile, tile.at(5, 1)).at({0.5f, 0.5f});
   EXPECT_NEAR(p.position_m.x, 0.25, 1e-6);   // texel 5.5 is 1/8 of the way from 6 to 2, of 2 m
   EXPECT_NEAR(p.geometricNormal.y, 1.0, 1e-12);
 }

@@ -58,7 +58,7 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
       exposePatches(mesh, scene, tracer, run);
       const PatchLight light = lightPatches(scene, tracer, mesh, direct, seen, run);
       out.solution = o.dense ? solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {}) : shoot(scene, tracer, mesh, light, {}, run);
-      field = std::make_unique<Field>(scene, mesh, seen, light, std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance});
+      field = std::make_unique<Field>(scene, mesh, seen, &texels, light, std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, run);
     }
     if (field || strength(scene.sky) > 0.0f) bakeHemisphere(out.map, scene, texels, Gather(scene, tracer, direct, field.get(), run.seed), {o.goal}, run);
     out.values = values(out.map, scene);
