@@ -90,6 +90,7 @@ struct Pool {
   std::uint32_t rays = 0;           ///< each half, cast so far
   double variance = 0.0;            ///< of E, mean over texels and channels [lx^2]
   double sum = 0.0;                 ///< of E, mean over channels, over texels [lx]
+  double bounced = 0.0;             ///< the part of it that comes by bounces
   double field2 = 0.0;              ///< square of the mean change from patches of twice the size, channel mean [lx^2]
   std::uint32_t wanted = 0;         ///< rays each half after the next round
 };
@@ -149,6 +150,7 @@ Pools poolsOf(const LightMap& map, const Scene& scene) {
           pool.rays = std::max(pool.rays, map.rays[i]);
           pool.variance += mean3(d * d) / 4.0;
           pool.sum += mean3(0.5 * (e.total(0) + e.total(1)));
+          pool.bounced += mean3(0.5 * (e.bounced[0] + e.bounced[1]));
           drift[it->second - firstPool] += e.coarse - 0.5 * (e.bounced[0] + e.bounced[1]);
           out.of[i] = it->second;
         }
@@ -361,17 +363,19 @@ LightMapValues values(const LightMap& map, const Scene& scene) {
   return out;
 }
 
-ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail) {
+ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail, double tailEstimate) {
   struct Sums {
-    double texels = 0.0, e = 0.0, variance = 0.0, field2 = 0.0, pools = 0.0;
+    double texels = 0.0, e = 0.0, bounced = 0.0, variance = 0.0, field2 = 0.0, pools = 0.0;
     void add(const Pool& p) {
       texels += p.texels;
       e += p.sum;
+      bounced += p.bounced;
       variance += p.texels * p.variance;
       field2 += p.texels * p.field2;
       pools += 1.0;
     }
     double mean() const { return texels > 0.0 ? e / texels : 0.0; }
+    double bouncedMean() const { return texels > 0.0 ? bounced / texels : 0.0; }
     double noise() const { return texels > 0.0 ? std::sqrt(variance / texels) : 0.0; }
     double field() const { return texels > 0.0 ? kFieldShare * std::sqrt(field2 / texels) : 0.0; }
     // Pooled variances of p blocks: their sum is about chi-square with p or more degrees of freedom; 1.645 of its relative spread sqrt(2/p).
@@ -386,17 +390,19 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail) {
   ErrorLedger out;
   out.texels = std::uint64_t(level.texels);
   out.mean = level.mean();
-  out.tail = tail;
   if (!(out.mean > 0.0)) return out;
+  const double bouncedShare = level.bouncedMean() / out.mean;
+  out.tail = tail * bouncedShare;
+  out.tailEstimate = tailEstimate * bouncedShare;
   out.noise = level.noise() / out.mean;
   out.field = level.field() / out.mean;
-  out.estimate = std::sqrt(out.noise * out.noise + out.field * out.field) + tail;
+  out.estimate = std::sqrt(out.noise * out.noise + out.field * out.field) + out.tailEstimate;
   // Field noise shared by many texels is in both halves' difference only in part: the bound takes twice the field's share.
-  out.bound95 = level.noise95() / out.mean + 2.0 * out.field + tail;
+  out.bound95 = level.noise95() / out.mean + 2.0 * out.field + out.tail;
   for (std::uint32_t o = 0; o < objects.size(); ++o) {
     if (objects[o].texels == 0.0) continue;
     const double against = std::max(objects[o].mean(), kDimRoom * out.mean);
-    const double bound = (objects[o].noise95() + 2.0 * objects[o].field()) / against + tail;
+    const double bound = (objects[o].noise95() + 2.0 * objects[o].field() + tail * objects[o].bouncedMean()) / against;
     if (bound > out.worstObject) {
       out.worstObject = bound;
       out.worstObjectId = o;

@@ -36,6 +36,7 @@ struct ErrorLedger {
   double noise = 0.0;           ///< RMS standard error of the sampling
   double field = 0.0;           ///< RMS difference that patch size makes
   double tail = 0.0;            ///< upper bound of the light that stopping early leaves out
+  double tailEstimate = 0.0;    ///< best guess of it
   double estimate = 0.0;        ///< best estimate of the relative RMS error
   double bound95 = 0.0;         ///< upper bound at 95 % confidence
   double worstObject = 0.0;     ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
@@ -58,6 +59,7 @@ void bakeDirect(LightMap&, const Scene&, const TexelMap&, const DirectLight&, co
 void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Gather&, const MapOptions&, const Run&);
 
 LightMapValues values(const LightMap&, const Scene&);
-ErrorLedger ledger(const LightMap&, const Scene&, double tail);
+/// `tail`, `tailEstimate`: of the solution, as shares of the bounced light.
+ErrorLedger ledger(const LightMap&, const Scene&, double tail, double tailEstimate);
 
 }  // namespace lmc

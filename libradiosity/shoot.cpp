@@ -79,7 +79,7 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
 
   std::vector<std::uint32_t> hits;
   std::vector<Shooter> shooters;
-  double left = first;
+  double left = first, before = first;
   while (first > 0.0) {
     if (left <= options.minUnsent * first) {
       out.stop = Stop::Energy;
@@ -139,6 +139,7 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
       }
       begin = end;
     }
+    before = left;
     left = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
       arrived[i] += incoming[i];
@@ -157,7 +158,11 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
     out.energy.unsent += unsent[i];
     total += strengthOf(arrived[i]);
   }
-  if (total > 0.0) out.tail = left / std::max(1e-6, 1.0 - largestRho) / total;
+  if (total > 0.0) {
+    out.tail = left / std::max(1e-6, 1.0 - largestRho) / total;
+    const double gone = strengthOf(out.energy.left + out.energy.backs);
+    out.tailEstimate = std::min(out.tail, left * (total / (total + gone)) / std::max(1e-6, 1.0 - left / before) / total);
+  }
   return out;
 }
 

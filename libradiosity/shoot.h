@@ -35,6 +35,7 @@ struct Solution {
   Stop stop = Stop::Nothing;
   int passes = 0;
   double tail = 0.0;                  ///< upper bound of the light left out, as a share of all bounced light: unsent/(1 - largest rho) / arrived
+  double tailEstimate = 0.0;          ///< the same by the factor q at which the last pass fell: unsent * c/(1 - q) / arrived, c the share that arrives at all
 };
 
 Solution shoot(const Scene&, const Tracer&, const PatchMesh&, const PatchLight&, const ShootOptions&, const Run&);

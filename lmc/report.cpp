@@ -25,7 +25,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   r["plan"] = planOf(b.plan);
   const ErrorLedger& e = b.ledger;
   r["error"] = {{"goal", b.options.goal}, {"goal_met", goalMet},   {"estimate", e.estimate},           {"bound95", e.bound95},
-                {"noise", e.noise},       {"patches", e.field},    {"bounce_tail", e.tail},            {"worst_object", e.worstObject},
+                {"noise", e.noise},       {"patches", e.field},    {"bounce_tail", e.tail}, {"bounce_tail_estimate", e.tailEstimate},            {"worst_object", e.worstObject},
                 {"worst_object_path", e.worstObjectId == kNone ? "" : b.scene.objects[e.worstObjectId].path}};
   glm::dvec3 mean(0.0);
   double lo = 1e300, hi = 0.0;

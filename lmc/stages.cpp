@@ -219,7 +219,7 @@ void hemisphere(Bake& b) {
 void finish(Bake& b) {
   b.field.reset();
   b.values = values(b.map, b.scene);
-  b.ledger = ledger(b.map, b.scene, b.tail());
+  b.ledger = ledger(b.map, b.scene, b.tail(), b.tailEstimate());
   float largest = 0.0f;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     const Rgb e = b.values.direct[i] + b.values.indirect[i];

@@ -39,6 +39,7 @@ struct Bake {
 
   std::string summary;                       ///< of the stage that runs, for the log
   double tail() const { return std::max(solutions[0].tail, solutions[1].tail); }
+  double tailEstimate() const { return std::max(solutions[0].tailEstimate, solutions[1].tailEstimate); }
 };
 
 struct StageRow {

@@ -79,6 +79,7 @@ TEST(Shooting, OnePassIsOneBounce) {
     missing = (kPi * 0.5 / (1.0 - 0.5) - exact) / exact;
     EXPECT_NEAR(mean, exact, 2e-3 * exact);   // energy is exact; 64 places of direct light are not
     EXPECT_GE(s.tail, missing * 0.99) << "the printed bound holds what was left out";
+    EXPECT_NEAR(s.tailEstimate, missing, 0.02 * missing) << "passes of a furnace fall by rho";
   }
 }
 

@@ -62,7 +62,7 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
     }
     if (field || strength(scene.sky) > 0.0f) bakeHemisphere(out.map, scene, texels, Gather(scene, tracer, direct, field.get(), run.seed), {o.goal}, run);
     out.values = values(out.map, scene);
-    out.ledger = ledger(out.map, scene, out.solution.tail);
+    out.ledger = ledger(out.map, scene, out.solution.tail, out.solution.tailEstimate);
     out.rays = tracer.rays();
   });
   return out;
