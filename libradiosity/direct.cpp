@@ -17,12 +17,13 @@ namespace {
 constexpr std::size_t kMaxEmitterPieces = 48;   // when a level has few emissive triangles
 constexpr std::size_t kClosedFormPlaces = 4;    // the unoccluded factor is smooth over a texel
 constexpr double kDefensive = 0.05;             // share of the choice of pieces that goes by power alone: a place may see what the first one does not
+constexpr std::size_t kLeastDraws = 4;
 constexpr std::size_t kMaxPlaces = 256;
 
 }  // namespace
 
 DirectLight::DirectLight(const Scene& scene, const Tracer& tracer, bool shadows)
-    : scene_(scene), tracer_(tracer), shadows_(shadows), emitters_(findEmitters(scene, kMaxEmitterPieces)) {}
+    : scene_(scene), tracer_(tracer), shadows_(shadows), emitters_(findEmitters(scene, kMaxEmitterPieces)), rays_(scene.lights.size()) {}
 
 std::vector<std::uint32_t> DirectLight::lightsFor(const glm::dvec3& centre_m, double radius_m) const {
   std::vector<std::uint32_t> lights;
@@ -56,11 +57,18 @@ void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> p
     if (glm::dot(in.towards, p.geometricNormal) <= 0.0) continue;   // lit by the interpolated normal only: the surface itself is in the way
     unshadowed[n] = in.illuminance;
     const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal);
-    rays[n] = in.endless ? Ray{from, glm::vec3(in.towards), INFINITY} : Ray{from, glm::vec3(light.position_m - glm::dvec3(from)), 1.0f};
+    if (in.endless) {
+      rays[n] = {from, glm::vec3(in.towards), INFINITY};
+    } else {
+      // The ray ends a little before the lamp: one that lies in a surface, or touches it, is not hidden by it.
+      const glm::dvec3 way = light.position_m - glm::dvec3(from);
+      rays[n] = {from, glm::vec3(way), float(std::max(0.0, 1.0 - 2.0 * double(tracer_.lift_m()) / glm::length(way)))};
+    }
     ++n;
   }
   if (n == 0) return;
   trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
+  if (shadows_) rays_[index].fetch_add(n, std::memory_order_relaxed);
   std::size_t seen = 0;
   for (std::size_t i = 0; i < n; ++i) {
     if (blocked[i]) continue;
@@ -72,40 +80,58 @@ void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> p
 }
 
 void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> places, const Sobol4& address) const {
+  // A place on the lamp or in its plane gets nothing from it; rounding must not say otherwise.
+  const double inPlane_m = double(tracer_.lift_m());
+  const auto inFront = [&](const SurfacePoint& p, const Emitter& e) { return p.triangle != e.triangle && glm::dot(p.position_m - e.corner_m[0], e.normal) > inPlane_m; };
+
   // E without blockers, closed form, mean over a few of the places.
   glm::dvec3 unoccluded(0.0);
   const std::size_t closed = std::min(kClosedFormPlaces, places.size());
   for (const Emitter& e : emitters_.whole) {
     double factor = 0.0;
-    for (std::size_t i = 0; i < closed; ++i) factor += elementToPolygon(places[i].position_m, places[i].normal, e.corner_m) / double(closed);
+    for (std::size_t i = 0; i < closed; ++i)
+      if (inFront(places[i], e)) factor += elementToPolygon(places[i].position_m, places[i].normal, e.corner_m) / double(closed);
     unoccluded += kPi * factor * glm::dvec3(e.radiance);
   }
   if (unoccluded == glm::dvec3(0.0)) return;
 
-  // The choice of pieces: what they would give to the first place, by the disc form, and a little by power alone.
+  // The choice of pieces: by what they would give to the first place (disc form) as a share of each channel, so that the only blue lamp among
+  // many red ones is not forgotten, and a little by power alone.
   const std::vector<Emitter>& pieces = emitters_.pieces;
   thread_local std::vector<double> factor, cumulative;
-  factor.resize(pieces.size());
-  double total = 0.0, power = 0.0;
+  factor.assign(pieces.size(), 0.0);
+  glm::dvec3 given(0.0), power(0.0);
   for (std::size_t e = 0; e < pieces.size(); ++e) {
+    if (!inFront(places[0], pieces[e])) continue;
     const glm::dvec3 centre = (pieces[e].corner_m[0] + pieces[e].corner_m[1] + pieces[e].corner_m[2]) / 3.0;
-    factor[e] = strength(pieces[e].radiance) * elementToDisc(places[0].position_m, places[0].normal, centre, pieces[e].normal, pieces[e].area_m2);
-    total += factor[e];
-    power += strength(pieces[e].radiance) * pieces[e].area_m2;
+    factor[e] = elementToDisc(places[0].position_m, places[0].normal, centre, pieces[e].normal, pieces[e].area_m2);
+    given += factor[e] * glm::dvec3(pieces[e].radiance);
+    power += pieces[e].area_m2 * glm::dvec3(pieces[e].radiance);
   }
+  const auto shares = [](const glm::dvec3& part, const glm::dvec3& whole) {
+    double sum = 0.0;
+    for (int c = 0; c < 3; ++c) sum += whole[c] > 0.0 ? part[c] / whole[c] : 0.0;
+    return sum;
+  };
   cumulative.resize(pieces.size() + 1);
   cumulative[0] = 0.0;
   for (std::size_t e = 0; e < pieces.size(); ++e) {
-    const double byPower = strength(pieces[e].radiance) * pieces[e].area_m2 / power;
-    cumulative[e + 1] = cumulative[e] + (total > 0.0 ? (1.0 - kDefensive) * factor[e] / total + kDefensive * byPower : byPower);
+    double share = 0.0;
+    if (inFront(places[0], pieces[e])) {
+      const glm::dvec3 L(pieces[e].radiance);
+      share = (1.0 - kDefensive) * shares(factor[e] * L, given) + kDefensive * shares(pieces[e].area_m2 * L, power);
+    }
+    cumulative[e + 1] = cumulative[e] + share;
   }
+  if (!(cumulative.back() > 0.0)) return;
 
   std::array<Ray, kMaxPlaces> rays;
   std::array<glm::dvec3, kMaxPlaces> radiance, mean;   // times kernel over density; of the place, and of its piece
   std::array<std::uint8_t, kMaxPlaces> blocked;
   std::size_t n = 0;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const SurfacePoint& p = places[i];
+  // A ratio of few terms says little: a single place draws several.
+  for (std::size_t i = 0; i < std::max(places.size(), kLeastDraws); ++i) {
+    const SurfacePoint& p = places[i % places.size()];
     const glm::vec2 u = address.point2(std::uint32_t(i));
     const double pick = double(u.x) * cumulative.back();
     std::size_t e = std::size_t(std::ranges::upper_bound(cumulative, pick) - cumulative.begin()) - 1;
@@ -119,11 +145,11 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
     const glm::dvec3 r = q - p.position_m;
     const double d2 = glm::dot(r, r);
     const double kernel = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, emitter.normal)) / (kPi * d2 * d2);
-    if (!(kernel > 0.0) || !std::isfinite(kernel)) continue;
+    if (!(kernel > 0.0) || !std::isfinite(kernel) || !inFront(p, emitter)) continue;
     const double weight = kernel * emitter.area_m2 / share;
     const glm::vec2 bary = emitter.bary[0] + float(w1) * (emitter.bary[1] - emitter.bary[0]) + float(w2) * (emitter.bary[2] - emitter.bary[0]);
     mean[n] = weight * glm::dvec3(emitter.radiance);
-    radiance[n] = emitter.textured ? weight * glm::dvec3(emissionAt(scene_, emitter.triangle, bary)) : mean[n];
+    radiance[n] = emitter.textured ? weight * glm::dvec3(shiningAt(scene_, emitter.triangle, bary)) : mean[n];
     if (glm::dot(r, p.geometricNormal) <= 0.0) radiance[n] = glm::dvec3(0.0);   // behind the surface itself
     const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, emitter.normal);
     rays[n] = {from, to - from, 1.0f};
@@ -140,7 +166,11 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
     seenSum += radiance[i];
   }
   for (int c = 0; c < 3; ++c)
-    if (allSum[c] > 0.0) out.illuminance[c] += unoccluded[c] * seenSum[c] / allSum[c];
+    if (unoccluded[c] > 0.0) {
+      // No draw met a lamp of this colour: it counts as hidden as much as the others are.
+      const double share = allSum[c] > 0.0 ? seenSum[c] / allSum[c] : (seenSum.x + seenSum.y + seenSum.z) / (allSum.x + allSum.y + allSum.z);
+      out.illuminance[c] += unoccluded[c] * share;
+    }
   out.mixed |= seen > 0 && seen < n;
   if (seen > 0) out.signature = combine(out.signature, 0xe417);
 }

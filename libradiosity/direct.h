@@ -1,5 +1,6 @@
 #pragma once
 /// Light that reaches a place without a bounce, from punctual lights and emissive triangles. (The sky comes with the hemisphere rays: gather.h.)
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -27,13 +28,14 @@ class DirectLight {
   bool any() const { return !scene_.lights.empty() || hasEmitters(); }
   bool hasEmitters() const { return !emitters_.whole.empty(); }
   const Emitters& emitters() const { return emitters_; }
+  std::uint64_t raysOf(std::uint32_t light) const { return rays_[light].load(); }
 
   /// Lights that may reach some point of the sphere.
   std::vector<std::uint32_t> lightsFor(const glm::dvec3& centre_m, double radius_m) const;
 
   /// One place each for every point; `address` names the random numbers on the emitters. Punctual lights: one shadow ray a place and light.
   /// Emitters: one ray a place, to a piece chosen by about what it would give, a place on it by area; the visible share is weighted by
-  /// the kernel (sum K V / sum K), so that it is exact where nothing blocks and unbiased by the shape of a penumbra.
+  /// the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias of the ratio falls with the number of rays.
   DirectSample sample(std::span<const SurfacePoint> places, std::span<const std::uint32_t> lights, const Sobol4& address) const;
 
 
@@ -46,6 +48,7 @@ class DirectLight {
   const Tracer& tracer_;
   bool shadows_;
   Emitters emitters_;
+  mutable std::vector<std::atomic<std::uint64_t>> rays_;   // shadow rays of each punctual light
 };
 
 }  // namespace lmc

@@ -1,8 +1,10 @@
 #include "libradiosity/emitters.h"
 
 #include <algorithm>
+#include <cmath>
 #include <queue>
 
+#include "libscene/rng.h"
 #include "libscene/texture.h"
 #include "libscene/tracer.h"
 
@@ -24,7 +26,26 @@ double longestEdge_m(const Emitter& e, int& edge) {
   return longest;
 }
 
+constexpr std::uint32_t kHolePlaces = 1024;
+
+float opaqueShare(const Scene& scene, std::uint32_t triangle) {
+  const Sobol4 numbers(combine(triangle, 11));
+  std::uint32_t opaque = 0;
+  for (std::uint32_t k = 0; k < kHolePlaces; ++k) {
+    const glm::vec2 u = numbers.point2(k);
+    const float s = std::sqrt(u.x);
+    opaque += alphaAt(scene, triangle, {s * (1.0f - u.y), s * u.y}) >= scene.materialOf(triangle).alphaCutoff;
+  }
+  return float(opaque) / float(kHolePlaces);
+}
+
 }  // namespace
+
+Rgb shiningAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) {
+  const Material& m = scene.materialOf(triangle);
+  if (m.alpha == Material::Alpha::Mask && alphaAt(scene, triangle, bary) < m.alphaCutoff) return Rgb(0.0f);
+  return emissionAt(scene, triangle, bary);
+}
 
 Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
   std::vector<Emitter> emitters;
@@ -37,8 +58,9 @@ Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
     e.corner_m = scene.corners_m(t);
     e.area_m2 = area_m2(e.corner_m);
     e.normal = glm::normalize(glm::cross(e.corner_m[1] - e.corner_m[0], e.corner_m[2] - e.corner_m[0]));
-    e.textured = bool(material.emissionTexture);
-    e.radiance = e.textured ? meanEmission(scene, t) : material.emission;
+    const bool holes = material.alpha == Material::Alpha::Mask;
+    e.textured = bool(material.emissionTexture) || holes;
+    e.radiance = e.textured ? meanEmission(scene, t) * (holes ? opaqueShare(scene, t) : 1.0f) : material.emission;
     if (strength(e.radiance) <= 0.0f) continue;
     emitters.push_back(e);
     if (material.doubleSided) {

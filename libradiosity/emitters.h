@@ -15,7 +15,7 @@ struct Emitter {
   std::array<glm::dvec3, 3> corner_m;
   glm::dvec3 normal{0.0};                    ///< unit
   double area_m2 = 0.0;
-  Rgb radiance{0.0f};                        ///< area mean [cd/m^2]
+  Rgb radiance{0.0f};                        ///< area mean, holes included as dark [cd/m^2]
   bool textured = false;
 };
 
@@ -26,6 +26,9 @@ struct Emitters {
 
 /// Halves the longest pieces until there are `maxPieces` (or more emissive triangles than that), or none is long against the level.
 Emitters findEmitters(const Scene&, std::size_t maxPieces);
+
+/// What a place of an emissive triangle sends out: nothing in the holes of a Mask material [cd/m^2].
+Rgb shiningAt(const Scene&, std::uint32_t triangle, glm::vec2 bary);
 
 /// Largest channel, by which emitters are chosen.
 inline float strength(const Rgb& c) { return std::max({c.r, c.g, c.b}); }

@@ -1,5 +1,6 @@
 #include "libradiosity/field.h"
 
+#include <algorithm>
 #include <cmath>
 #include <unordered_map>
 
@@ -62,10 +63,11 @@ std::uint32_t DirectMap::texelAt(const Scene& scene, std::uint32_t triangle, glm
 std::uint32_t DirectMap::texelUnder(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
   const glm::uvec3 t = scene.triangles[triangle];
   const glm::vec2 uv = (1.0f - bary.x - bary.y) * scene.uv1[t.x] + bary.x * scene.uv1[t.y] + bary.y * scene.uv1[t.z];
-  const int x = int(std::floor(uv.x * float(width))), y = int(std::floor(uv.y * float(height)));
-  if (x < 0 || y < 0 || x >= width || y >= height) return kNone;
+  // A UV of exactly 1 lies in the last texel; what is farther out was refused with the charts.
+  const int x = std::clamp(int(std::floor(uv.x * float(width))), 0, width - 1), y = std::clamp(int(std::floor(uv.y * float(height))), 0, height - 1);
   const std::size_t i = std::size_t(y) * std::size_t(width) + std::size_t(x);
-  return chart[i] == kNone ? kNone : std::uint32_t(i);
+  // Where charts share a texel, only the one that has it may be read there.
+  return chart[i] == kNone || chart[i] != charts->chartOf[triangle] ? kNone : std::uint32_t(i);
 }
 
 void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, const Run& run) {

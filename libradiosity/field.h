@@ -13,6 +13,7 @@ struct DirectMap {
   int width = 0, height = 0;
   const Rgb* illuminance = nullptr;      ///< one a texel [lx]; nullptr = none
   const std::uint32_t* chart = nullptr;  ///< one a texel; kNone = not covered
+  const Charts* charts = nullptr;        ///< whose texel it must be
   explicit operator bool() const { return illuminance != nullptr; }
   const std::uint8_t* edge = nullptr;    ///< one a texel; not 0 where light changes within the texel, so that its mean is no value at a place
   /// The number of the texel under a place, or kNone where the object has no place in the map.

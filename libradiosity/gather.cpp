@@ -61,7 +61,7 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
   std::array<std::uint8_t, kBatch> blocked;
   std::array<std::uint32_t, kBatch> index;
   std::vector<NearHit> near;
-  const double nearest_m = field_ ? kNear * field_->patchSize_m() : 0.0;
+  const double nearest_m = field_ && nearHits_ ? kNear * field_->patchSize_m() : 0.0;
   for (std::uint32_t first = begin; first < end; first += kBatch) {
     std::size_t n = 0;
     for (std::uint32_t k = first; k < std::min(end, first + kBatch); ++k) {

@@ -23,9 +23,10 @@ struct Gathered {
 
 class Gather {
  public:
-  /// `field` may be null: then rays only ask for the sky, and cost what an occlusion ray costs.
-  Gather(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const Field* field, std::uint64_t seed)
-      : scene_(scene), tracer_(tracer), direct_(direct), field_(field), seed_(seed) {}
+  /// `field` may be null: then rays only ask for the sky, and cost what an occlusion ray costs. Without `nearHits` no light comes that is not in the field
+  /// (bounces are counted).
+  Gather(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const Field* field, bool nearHits, std::uint64_t seed)
+      : scene_(scene), tracer_(tracer), direct_(direct), field_(field), nearHits_(nearHits), seed_(seed) {}
 
   /// Rays [begin, end) of the texel's sequence: ray k is the same whatever else is asked. E about the interpolated normal; a direction below
   /// the face itself counts as blocked and is not cast.
@@ -42,6 +43,7 @@ class Gather {
   const Tracer& tracer_;
   const DirectLight& direct_;
   const Field* field_;
+  bool nearHits_;
   std::uint64_t seed_;
 };
 

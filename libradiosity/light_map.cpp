@@ -215,22 +215,14 @@ void giveOut(std::vector<Pool>& pools, const Scene& scene, double goal) {
     const double kappa = std::max(level, solve(ids, std::pow(kObjectLimit * share * std::max(own / count, kDimRoom * mean), 2.0)));
     for (const std::uint32_t i : ids) pools[i].wanted = std::uint32_t(std::ceil(raysAt(pools[i], kappa) / 8.0)) * 8;
   }
-  double wanted = 0.0;
-  for (const Pool& p : pools) wanted += double(p.texels) * p.wanted;
+  double wanted = 0.0, have = 0.0;
+  for (const Pool& p : pools) {
+    wanted += double(p.texels) * p.wanted;
+    have += double(p.texels) * p.rays;
+  }
   const double most = texels * kMeanRaysAtTwoPercent * std::pow(0.02 / goal, 1.0 / a);
   if (wanted <= most) return;
-  for (Pool& p : pools) p.wanted = p.rays + std::uint32_t((p.wanted - p.rays) * std::max(0.0, most / wanted) / 8.0) * 8;
-}
-
-double levelNoise2(const std::vector<Pool>& pools, double& mean) {
-  double variance = 0.0, sum = 0.0, texels = 0.0;
-  for (const Pool& p : pools) {
-    variance += p.texels * p.variance;
-    sum += p.sum;
-    texels += p.texels;
-  }
-  mean = texels > 0.0 ? sum / texels : 0.0;
-  return texels > 0.0 ? variance / texels : 0.0;
+  for (Pool& p : pools) p.wanted = p.rays + std::uint32_t((p.wanted - p.rays) * std::max(0.0, most - have) / (wanted - have) / 8.0) * 8;
 }
 
 }  // namespace
@@ -331,9 +323,6 @@ void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, c
   double done = 0.1;
   for (int correction = 0; correction <= kMaxCorrections; ++correction) {
     Pools pools = poolsOf(map, scene);
-    double mean = 0.0;
-    const double noise2 = levelNoise2(pools.pools, mean);
-    if (correction > 0 && noise2 <= std::pow(kNoiseShare * options.goal * mean, 2.0)) break;
     giveOut(pools.pools, scene, options.goal);
     if (raysLeft(pools) == 0.0) break;
     const double next = correction == 0 ? 0.9 : 0.5 * (1.0 + done);

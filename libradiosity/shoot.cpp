@@ -15,6 +15,7 @@ constexpr double kLeastRaysPerPatch = 16.0;
 constexpr double kLeastRaysOfShooter = 4.0;      // a patch with less to send waits until it has more
 constexpr std::uint32_t kBackFace = kNone - 1, kLeft = kNone;
 constexpr std::size_t kRaysAtOnce = 1 << 20;     // hits kept between tracing (parallel) and adding up (in order)
+constexpr double kNothing = 1e-9;                // of the first power: passes end here whatever the bound says
 constexpr int kHoleTries = 8;
 constexpr std::uint32_t kBurialTries = 16;
 
@@ -77,15 +78,17 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
     return h;
   };
 
+  double exitance = first;   // power that leaves all surfaces, sent or not
+  const auto tailOf = [&](double unsentPower, double rho) { return unsentPower * rho / std::max(1e-6, 1.0 - rho) / exitance; };
   std::vector<std::uint32_t> hits;
   std::vector<Shooter> shooters;
   double left = first, before = first;
   while (first > 0.0) {
-    if (left <= options.minUnsent * first) {
+    if (tailOf(left, largestRho) <= options.maxTail || left <= kNothing * first) {
       out.stop = Stop::Energy;
       break;
     }
-    if (options.maxPasses > 0 && out.passes >= options.maxPasses) {
+    if (options.maxPasses >= 0 && out.passes >= options.maxPasses) {
       out.stop = Stop::Passes;
       break;
     }
@@ -144,24 +147,26 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
     for (std::size_t i = 0; i < n; ++i) {
       arrived[i] += incoming[i];
       unsent[i] += glm::dvec3(mesh.patches[i].reflectance) * incoming[i];
+      exitance += strengthOf(glm::dvec3(mesh.patches[i].reflectance) * incoming[i]);
       left += strengthOf(unsent[i]);
     }
     ++out.passes;
     if (options.onPass) options.onPass(out.passes, illuminance());
     // Passes fall by a steady factor: progress by the logarithm of what is left.
-    run.progress(std::clamp(std::log(left / first) / std::log(options.minUnsent), 0.0, 1.0));
+    run.progress(std::clamp(std::log(left / first) / std::log(std::max(kNothing, options.maxTail * (1.0 - largestRho))), 0.0, 1.0));
   }
   out.illuminance = illuminance();
-  double total = 0.0;
+  double reflectance = 0.0, area = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
-    out.energy.absorbed += (1.0 - glm::dvec3(mesh.patches[i].reflectance)) * arrived[i];
+    const glm::dvec3 rho(mesh.patches[i].reflectance);
+    out.energy.absorbed += (1.0 - rho) * arrived[i];
     out.energy.unsent += unsent[i];
-    total += strengthOf(arrived[i]);
+    reflectance += mesh.patches[i].area_m2 * strengthOf(rho);
+    area += mesh.patches[i].area_m2;
   }
-  if (total > 0.0) {
-    out.tail = left / std::max(1e-6, 1.0 - largestRho) / total;
-    const double gone = strengthOf(out.energy.left + out.energy.backs);
-    out.tailEstimate = std::min(out.tail, left * (total / (total + gone)) / std::max(1e-6, 1.0 - left / before) / total);
+  if (first > 0.0) {
+    out.tail = tailOf(left, largestRho);
+    out.tailEstimate = std::min(out.tail, tailOf(left, out.passes > 0 ? std::min(left / before, largestRho) : reflectance / area));
   }
   return out;
 }

@@ -11,8 +11,8 @@ namespace lmc {
 enum class Stop { Energy, Passes, Nothing };
 
 struct ShootOptions {
-  double minUnsent = 2e-4;            ///< stop when power still to be sent <= this * the power sent first
-  int maxPasses = 0;                  ///< stop after so many passes; 0 = no limit
+  double maxTail = 1e-3;              ///< stop when what is unsent can add no more than this share of the light (Solution::tail <= this)
+  int maxPasses = -1;                 ///< stop after so many passes; negative = no limit
   double raysPerPatch = 64.0;         ///< of the first pass, mean; later passes in proportion to what is left, never below kLeastRaysPerPatch
   std::uint32_t stream = 0;           ///< independent random numbers for each
   std::function<void(int pass, const Bounced&)> onPass;   ///< a picture after each pass
@@ -34,8 +34,10 @@ struct Solution {
   Energy energy;
   Stop stop = Stop::Nothing;
   int passes = 0;
-  double tail = 0.0;                  ///< upper bound of the light left out, as a share of all bounced light: unsent/(1 - largest rho) / arrived
-  double tailEstimate = 0.0;          ///< the same by the factor q at which the last pass fell: unsent * c/(1 - q) / arrived, c the share that arrives at all
+  /// Upper bound of the exitance left out, as a share of what there is: unsent rho/(1 - rho) / (sent first + rho * arrived), rho the largest one.
+  /// (What is unsent itself is exitance, too, and is seen by hemisphere rays.)
+  double tail = 0.0;
+  double tailEstimate = 0.0;          ///< the same by the factor at which the last pass fell
 };
 
 Solution shoot(const Scene&, const Tracer&, const PatchMesh&, const PatchLight&, const ShootOptions&, const Run&);

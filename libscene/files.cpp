@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::size_t kBufferBytes = 1 << 20;
+constexpr int kNameTries = 100;
 
 Exit kindOf(int error) { return error == ENOSPC || error == EDQUOT || error == EFBIG || error == ENOMEM ? Exit::Limit : Exit::Io; }
 
@@ -82,7 +83,13 @@ std::vector<std::uint8_t> readFile(const fs::path& file, std::uint64_t maxBytes)
 }
 
 OutputFile::OutputFile(const fs::path& target, const fs::path& temporary) : target_(target), temporary_(temporary) {
-  fd_ = ::open(temporary_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  // A name that a killed run of the same process number left behind is passed by.
+  for (int attempt = 1; attempt <= kNameTries; ++attempt) {
+    fd_ = ::open(temporary_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    if (fd_ >= 0 || errno != EEXIST) break;
+    temporary_ = temporary;
+    temporary_.replace_extension(fmt::format("{}.part", attempt));
+  }
   if (fd_ < 0) fail("be written", errno);
   buffer_.reserve(kBufferBytes);
 }
@@ -163,11 +170,7 @@ OutputSet::OutputSet(const fs::path& folder) : folder_(folder) {
     if (error) throw Error(kindOf(error.value()), folder_, "", fmt::format("cannot be made: {}", error.message()));
   }
   if (!fs::is_directory(folder_, error)) throw Error(Exit::Io, folder_, "", "is not a folder");
-  const fs::path probe = folder_ / fmt::format(".lmc-probe.{}.part", ::getpid());
-  const int fd = ::open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (fd < 0) throw Error(kindOf(errno), folder_, "", fmt::format("cannot be written to: {}", std::strerror(errno)));
-  ::close(fd);
-  ::unlink(probe.c_str());
+  if (::access(folder_.c_str(), W_OK | X_OK) != 0) throw Error(kindOf(errno), folder_, "", fmt::format("cannot be written to: {}", std::strerror(errno)));
 }
 
 OutputFile& OutputSet::open(const fs::path& name) {
@@ -177,6 +180,8 @@ OutputFile& OutputSet::open(const fs::path& name) {
 }
 
 void OutputSet::commit() {
+  for (const auto& file : files_)
+    if (fs::is_directory(file->target_)) throw Error(Exit::Io, file->target_, "", "cannot be written: a folder has its name");
   for (const auto& file : files_) file->finish();
   for (const auto& file : files_) file->rename();
   syncFolder(folder_);

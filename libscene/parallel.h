@@ -1,6 +1,6 @@
 #pragma once
-/// Two loops are enough (TBB only here and in parallel users of `withThreads`). Both give the same bits for any number of threads, as long as
-/// f(i) writes nothing but what belongs to i.
+/// One loop is enough (TBB only here). It gives the same bits for any number of threads as long as f(i) writes nothing but what belongs to i; sums
+/// are added up in order afterwards.
 #include <tbb/blocked_range.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
@@ -11,7 +11,6 @@
 #include <cstddef>
 #include <mutex>
 #include <thread>
-#include <vector>
 
 #include "libscene/run.h"
 
@@ -43,21 +42,6 @@ void parallelFor(const Run& run, std::size_t n, std::size_t grain, F&& f) {
         if (std::unique_lock lock(reporting, std::try_to_lock); lock) run.progress(double(now) / double(n));
       },
       tbb::simple_partitioner());
-}
-
-/// Sum of f(i), added in blocks of a fixed size and the blocks in index order: the same bits for any number of threads.
-template <class T, class F>
-T orderedSum(const Run& run, std::size_t n, F&& f, T zero = T{}) {
-  constexpr std::size_t kBlock = 4096;
-  std::vector<T> blocks((n + kBlock - 1) / kBlock, zero);
-  parallelFor(run, blocks.size(), 1, [&](std::size_t b) {
-    T sum = zero;
-    for (std::size_t i = b * kBlock, end = std::min(n, i + kBlock); i < end; ++i) sum += f(i);
-    blocks[b] = sum;
-  });
-  T sum = zero;
-  for (const T& b : blocks) sum += b;
-  return sum;
 }
 
 }  // namespace lmc

@@ -112,7 +112,7 @@ Tracer::Tracer(const Scene& scene) : device_(std::make_unique<Device>()) {
   if (!d.device) throw Error(Exit::Internal, "", "", fmt::format("the ray tracer does not start (Embree error {})", int(rtcGetDeviceError(nullptr))));
   rtcSetDeviceMemoryMonitorFunction(d.device, Device::onMemory, &d);
   d.scene = rtcNewScene(d.device);
-  rtcSetSceneFlags(d.scene, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION));
+  rtcSetSceneFlags(d.scene, RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(d.scene, RTC_BUILD_QUALITY_MEDIUM);
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
     const Object& object = scene.objectOf(t);

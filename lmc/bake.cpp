@@ -48,6 +48,13 @@ std::string figure(double share) { return fmt::format("{:.2f} %", 100.0 * share)
 
 }  // namespace
 
+Run stoppableRun(int threads) {
+  Run run;
+  run.threads = threads;
+  run.onProgress = [](double) { return stopSignal == 0; };
+  return run;
+}
+
 void askToStop(int signal) { stopSignal = signal; }
 int askedToStop() { return stopSignal; }
 
@@ -58,12 +65,15 @@ Exit bake(const BakeOptions& options) {
   Exit result = Exit::Done;
   withThreads(b.run, [&] {
     double before = 0.0;
-    std::unique_ptr<OutputSet> outputs;
+    std::unique_ptr<OutputSet> outputs, dependencies;
     for (const StageRow& stage : kStages) {
       perform(stage, b, progress, spoken, before);
       before += stage.share;
       // A level that cannot be read makes no folder; a folder that cannot be written to is found before the work.
-      if (!outputs) outputs = std::make_unique<OutputSet>(options.out);
+      if (outputs) continue;
+      refuseToOverwriteInputs(b);
+      outputs = std::make_unique<OutputSet>(options.out);
+      if (!options.depfile.empty()) dependencies = std::make_unique<OutputSet>(options.depfile.parent_path().empty() ? "." : options.depfile.parent_path());
     }
     const bool met = b.ledger.bound95 <= options.goal && b.ledger.worstObject <= 3.0 * options.goal;
     if (!met && options.goalIsExplicit) {
@@ -75,8 +85,10 @@ Exit bake(const BakeOptions& options) {
     }
     const nlohmann::ordered_json report = reportOf(b, spoken, met);
     writeOutputs(*outputs, b, report);
+    if (dependencies) dependencies->open(options.depfile.filename()).write(depfileText(b));
+    b.run.progress(1.0);   // the last moment to stop
+    if (dependencies) dependencies->commit();
     outputs->commit();
-    if (!options.depfile.empty()) writeDepfile(b);
     if (options.json) fmt::print("{}\n", report.dump(2));
     if (options.progress != ProgressKind::None && options.progress != ProgressKind::Json)
       progress.say(fmt::format("baked {} in {:.1f} s ({:.1f} CPU s, {:.0f} MB): error {}, at most {} (goal {})", options.out.string(), double(report["seconds"]),

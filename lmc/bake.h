@@ -1,5 +1,5 @@
 #pragma once
-#include "libscene/error.h"
+#include "libscene/run.h"
 #include "lmc/options.h"
 
 namespace lmc {
@@ -9,6 +9,9 @@ Exit bake(const BakeOptions&);
 
 /// `lmc plan`: loads the level and prints the plan on stdout.
 Exit showPlan(const PlanOptions&);
+
+/// For verbs without a bar: stops when asked to.
+Run stoppableRun(int threads);
 
 /// Set by SIGINT and SIGTERM; a bake stops at the next report of progress.
 void askToStop(int signal);

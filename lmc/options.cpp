@@ -101,7 +101,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
   CLI::App* bakeApp = app.add_subcommand("bake", "bake light maps of a level");
   addLevelOptions(bakeApp, bake);
   bakeApp->add_option("-o,--out", bake.out, "folder for the outputs; made when missing")->required();
-  bakeApp->add_flag("--snapshot", bake.snapshot, "also write pass.NNN.exr, the map from patches alone, after each pass of the solver");
+  bakeApp->add_flag("--snapshot", bake.snapshot, "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp->add_option_function<std::string>("--progress", [&bake](const std::string& t) { bake.progress = kProgress.at(t); },
@@ -142,6 +142,9 @@ Command parseCommandLine(int argc, const char* const* argv) {
       if (c == '\n') c = ' ';
     throw Error(Exit::Usage, "lmc", "", what + " (lmc --help, lmc VERB --help)");
   }
+  for (const BakeOptions* o : {&bake, &plan.bake})
+    if (o->solver == Solver::Dense && (o->passes > 0 || o->snapshot))
+      throw Error(Exit::Usage, "lmc", "", "--solver dense has no passes: leave out --passes and --snapshot, or take --solver shooting");
   if (*bakeApp) return bake;
   if (*planApp) return plan;
   if (*compareApp) return compare;

@@ -114,10 +114,21 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   set.open("level.lmc.json").write(sidecar.dump(2) + "\n");
 }
 
-void writeDepfile(const Bake& b) {
+std::string depfileText(const Bake& b) {
   std::string text = escapedForMake((b.options.out / "level.lmc.json").string()) + ":";
   for (const auto& input : b.scene.inputs) text += " \\\n  " + escapedForMake(input.string());
-  writeFileWhole(b.options.depfile, text + "\n");
+  return text + "\n";
+}
+
+void refuseToOverwriteInputs(const Bake& b) {
+  std::vector<std::filesystem::path> outputs;
+  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json"}) outputs.push_back(b.options.out / name);
+  if (!b.options.depfile.empty()) outputs.push_back(b.options.depfile);
+  std::error_code missing;
+  for (const auto& input : b.scene.inputs)
+    for (const auto& output : outputs)
+      if (std::filesystem::equivalent(input, output, missing))
+        throw Error(Exit::Usage, output, "", "would be overwritten, and the level reads it: choose another folder with -o");
 }
 
 }  // namespace lmc

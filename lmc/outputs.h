@@ -12,6 +12,9 @@ namespace lmc {
 void writeOutputs(OutputSet&, const Bake&, const nlohmann::ordered_json& report);
 
 /// A Make rule: the sidecar depends on every input.
-void writeDepfile(const Bake&);
+std::string depfileText(const Bake&);
+
+/// Throws Error Usage when a file that a bake would write is one that it reads.
+void refuseToOverwriteInputs(const Bake&);
 
 }  // namespace lmc

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -26,6 +27,13 @@ std::uint64_t peakBytes() {
   rusage u{};
   getrusage(RUSAGE_SELF, &u);
   return std::uint64_t(u.ru_maxrss) * 1024;
+}
+
+std::uint64_t memoryBytes() {
+  std::uint64_t bytes = std::uint64_t(sysconf(_SC_PHYS_PAGES)) * std::uint64_t(sysconf(_SC_PAGESIZE));
+  rlimit limit{};
+  if (getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY) bytes = std::min<std::uint64_t>(bytes, limit.rlim_cur);
+  return bytes;
 }
 
 Progress::Progress(ProgressKind kind) : kind_(kind), start_(Clock::now()), lastShown_(start_) {
@@ -78,7 +86,8 @@ void Progress::end(const StageTime& t) {
 void Progress::say(const std::string& text) {
   const std::lock_guard lock(mutex_);
   clearBar();
-  fmt::print(stderr, "{}\n", text);
+  if (kind_ == ProgressKind::Json) fmt::print(stderr, "{}\n", nlohmann::json{{"message", text}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  else fmt::print(stderr, "{}\n", text);
 }
 
 }  // namespace lmc

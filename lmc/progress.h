@@ -19,6 +19,7 @@ struct StageTime {
 
 double cpuSeconds();          ///< user and system time of this process
 std::uint64_t peakBytes();    ///< largest resident size so far
+std::uint64_t memoryBytes();  ///< of this machine, or the process's own limit if that is less
 
 class Progress {
  public:

@@ -59,6 +59,20 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   for (std::size_t p = 0; p < kPurposeNames.size(); ++p)
     rays[kPurposeNames[p]] = b.tracer ? b.tracer->rays(Purpose(p)) : 0;
   r["rays"] = rays;
+  // Seconds by light: the direct stage's, by rays.
+  double directSeconds = 0.0;
+  for (const StageTime& t : spoken.stages) directSeconds += t.name == "direct" ? t.seconds : 0.0;
+  const double shadowRays = b.tracer ? std::max(1.0, double(b.tracer->rays(Purpose::Shadow) + b.tracer->rays(Purpose::Emitter))) : 1.0;
+  Json lights = Json::array();
+  const auto addLight = [&](const std::string& path, const char* kind, std::uint64_t count) {
+    lights.push_back({{"light", path}, {"kind", kind}, {"rays", count}, {"seconds", directSeconds * double(count) / shadowRays}});
+  };
+  if (b.direct) {
+    constexpr const char* kKinds[] = {"point", "spot", "directional"};
+    for (std::uint32_t i = 0; i < b.scene.lights.size(); ++i) addLight(b.scene.lights[i].path, kKinds[std::size_t(b.scene.lights[i].kind)], b.direct->raysOf(i));
+    if (b.direct->hasEmitters()) addLight("emissive surfaces", "area", b.tracer->rays(Purpose::Emitter));
+  }
+  r["lights"] = lights;
   Json stages = Json::array();
   double seconds = 0.0, cpu = 0.0;
   for (const StageTime& t : spoken.stages) {

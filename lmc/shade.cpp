@@ -16,6 +16,7 @@
 #include "libscene/texels.h"
 #include "libscene/texture.h"
 #include "libscene/tracer.h"
+#include "lmc/bake.h"
 
 namespace lmc {
 
@@ -83,8 +84,7 @@ std::uint8_t encoded(double linear) {
 }  // namespace
 
 Exit shade(const ShadeOptions& options) {
-  Run run;
-  run.threads = options.threads;
+  const Run run = stoppableRun(options.threads);
   const std::vector<std::uint8_t> sidecarText = readFile(options.out / "level.lmc.json");
   const auto sidecar = nlohmann::json::parse(sidecarText, nullptr, false);
   if (sidecar.is_discarded() || !sidecar.contains("files")) throw Error(Exit::Broken, options.out / "level.lmc.json", "", "is not a sidecar of lmc");

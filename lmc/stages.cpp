@@ -22,7 +22,9 @@ constexpr double kNearlyWhite = 0.95;             // area mean of reflectance fr
 constexpr double kPatchesNearlyWhite = 400.0;     // squares; the field of such a level is smooth
 constexpr std::size_t kDenseNearlyWhite = 1500;
 constexpr float kMostReflectance = 0.999f;        // at 1 a closed room has no finite solution
-constexpr double kShootingTail = 2e-4;
+constexpr std::uint64_t kBytesPerTexel = 180;     // of state, values and what is written, at their largest
+constexpr double kTailShare = 0.05;               // of the goal, for bounces left out
+constexpr int kLargestMap = 16384;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
 
 }  // namespace
@@ -66,6 +68,11 @@ void charts(Bake& b) {
   const double density = b.options.texelsPerMetre > 0.0 ? b.options.texelsPerMetre : b.scene.texelsPerMetre > 0.0 ? b.scene.texelsPerMetre : kDefaultTexelsPerMetre;
   const int known = b.options.texelsPerMetre > 0.0 ? 0 : b.scene.mapResolution;   // a density that was asked for goes before the level's size
   b.side = mapSide(b.scene, b.options.mapSize > 0 ? b.options.mapSize : known, density);
+  if (b.side > kLargestMap)
+    throw Error(Exit::Limit, b.scene.file, "/scenes/0/extras/lmc/lightmap/resolution", fmt::format("a map of {} x {} is above the limit of {}", b.side, b.side, kLargestMap), "LMC_MAP_SIZE");
+  const std::uint64_t needed = std::uint64_t(b.side) * std::uint64_t(b.side) * kBytesPerTexel;
+  if (const std::uint64_t have = memoryBytes(); needed > have)
+    throw Error(Exit::Limit, b.scene.file, "", fmt::format("a map of {} x {} needs about {} MB, this machine has {} MB", b.side, b.side, needed >> 20, have >> 20), "LMC_MEMORY");
   b.charts = findCharts(b.scene, b.side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side, b.side);
   b.map = startMap(b.scene, *b.texels, b.run);
@@ -111,10 +118,15 @@ void clampReflectance(Bake& b) {
   std::uint32_t firstObject = kNone;
   for (Patch& p : b.patches.patches) {
     if (strength(p.reflectance) <= kMostReflectance) continue;
+    b.clampedAway += p.area_m2 * double(strength(p.reflectance) - kMostReflectance);
     p.reflectance = glm::min(p.reflectance, Rgb(kMostReflectance));
     if (b.clampedPatches++ == 0) firstObject = p.object;
   }
   if (b.clampedPatches == 0) return;
+  // What the clamp takes of each bounce, and of all that follow it.
+  double area = 0.0;
+  for (const Patch& p : b.patches.patches) area += p.area_m2;
+  b.clampedAway /= area * (1.0 - std::min(double(kMostReflectance), b.meanReflectance));
   const Object& o = b.scene.objects[firstObject];
   b.run.warn({{}, b.scene.file.string(), fmt::format("/materials/{}", o.material),
               fmt::format("albedo above {} is taken as {} on {} patches, the first of object '{}'", kMostReflectance, kMostReflectance, b.clampedPatches, o.path), "LMC_ALBEDO_ONE"});
@@ -143,7 +155,7 @@ void patches(Bake& b) {
   std::vector<Rgb> mean(b.map.size());
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b.map.direct[0][i] + b.map.direct[1][i]);
   b.values.direct = std::move(mean);
-  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), b.map.edge.data()};
+  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
   b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run);
   b.summary = fmt::format("{} patches of {:.3g} m, {} faces", b.patches.patches.size(), b.patches.size_m, b.patches.leaves.size());
 }
@@ -163,8 +175,8 @@ void solve(Bake& b) {
   } else {
     for (std::uint32_t half = 0; half < 2; ++half) {
       ShootOptions options;
-      options.minUnsent = kShootingTail;
-      options.maxPasses = b.options.passes;
+      options.maxTail = kTailShare * b.options.goal;
+      if (b.options.passes > 0) options.maxPasses = b.options.passes - 1;   // hemisphere rays add the last bounce
       options.stream = half;
       if (b.options.snapshot && half == 0)
         options.onPass = [&](int pass, const Bounced& bounced) {
@@ -180,9 +192,12 @@ void solve(Bake& b) {
                 E[i] = b.values.direct[i] + (patch == kNone ? Rgb(0.0f) : b.patchLight.sky[patch] + bounced[patch]);
               }
           });
-          for (Rgb& e : E) e = glm::min(e, Rgb(65504.0f));
-          OutputSet set(b.options.out);
-          writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height, {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}});
+          float largest = 0.0f, scale = 1.0f;
+          for (const Rgb& e : E) largest = std::max(largest, strength(e));
+          while (largest / scale > 32768.0f) scale *= 2.0f;
+          for (Rgb& e : E) e /= scale;
+          OutputSet set(b.options.out / "passes");
+          writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height, {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale}});
           set.commit();
         };
       Run part = b.run;
@@ -197,7 +212,7 @@ void solve(Bake& b) {
       throw Error(Exit::Numerical, b.scene.file, "", fmt::format("energy does not balance: {:.3g} of the bounced light is made or lost", off), "LMC_ENERGY");
     if (off > kWarnImbalance) b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
   }
-  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), b.map.edge.data()};
+  const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
   b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.texels.get(), b.patchLight, std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance}, b.run);
 }
 
@@ -206,7 +221,7 @@ void hemisphere(Bake& b) {
     b.summary = "no sky and no bounces";
     return;
   }
-  const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.run.seed);
+  const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
   bakeHemisphere(b.map, b.scene, *b.texels, gather, {b.options.goal}, b.run);
   double rays = 0.0, texels = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
@@ -220,6 +235,12 @@ void finish(Bake& b) {
   b.field.reset();
   b.values = values(b.map, b.scene);
   b.ledger = ledger(b.map, b.scene, b.tail(), b.tailEstimate());
+  // Halves and sums are done with: what is written needs the room.
+  for (std::size_t h = 0; h < 2; ++h) {
+    b.map.direct[h] = b.map.bounced[h] = {};
+    b.map.sky[h] = {};
+  }
+  b.map.coarse = {};
   float largest = 0.0f;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     const Rgb e = b.values.direct[i] + b.values.indirect[i];

@@ -28,6 +28,7 @@ struct Bake {
   PatchMesh patches;                         // patches
   double meanReflectance = 0.0;              ///< by area
   std::uint32_t clampedPatches = 0;          ///< whose albedo was above what can be solved
+  double clampedAway = 0.0;                  ///< share of the bounced light that the clamp may take
   PatchLight patchLight;
   std::array<Solution, 2> solutions;         // solve; the dense solver fills both alike
   bool solvedDense = false;
@@ -38,7 +39,7 @@ struct Bake {
   float scale = 1.0f;                        ///< E = stored value * scale
 
   std::string summary;                       ///< of the stage that runs, for the log
-  double tail() const { return std::max(solutions[0].tail, solutions[1].tail); }
+  double tail() const { return std::max(solutions[0].tail, solutions[1].tail) + clampedAway; }
   double tailEstimate() const { return std::max(solutions[0].tailEstimate, solutions[1].tailEstimate); }
 };
 

@@ -76,7 +76,9 @@ TEST(Shooting, OnePassIsOneBounce) {
     mean /= area;
     double exact = 0.0;
     for (int m = 1; m <= k; ++m) exact += kPi * std::pow(0.5, m);
-    missing = (kPi * 0.5 / (1.0 - 0.5) - exact) / exact;
+    // Exitance: rho pi (1 + ... + rho^k) of 2 rho pi is there.
+    const double there = 1.0 - std::pow(0.5, k + 1);
+    missing = (1.0 - there) / there;
     EXPECT_NEAR(mean, exact, 2e-3 * exact);   // energy is exact; 64 places of direct light are not
     EXPECT_GE(s.tail, missing * 0.99) << "the printed bound holds what was left out";
     EXPECT_NEAR(s.tailEstimate, missing, 0.02 * missing) << "passes of a furnace fall by rho";

@@ -50,7 +50,7 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
     bakeDirect(out.map, scene, texels, direct, {o.goal}, run);
     std::vector<Rgb> mean(out.map.size());
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (out.map.direct[0][i] + out.map.direct[1][i]);
-    const DirectMap seen{o.side, o.side, mean.data(), out.map.chart.data(), out.map.edge.data()};
+    const DirectMap seen{o.side, o.side, mean.data(), out.map.chart.data(), &charts, out.map.edge.data()};
     std::unique_ptr<Field> field;
     PatchMesh mesh;
     if (o.bounce) {
@@ -60,7 +60,7 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
       out.solution = o.dense ? solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {}) : shoot(scene, tracer, mesh, light, {}, run);
       field = std::make_unique<Field>(scene, mesh, seen, &texels, light, std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, run);
     }
-    if (field || strength(scene.sky) > 0.0f) bakeHemisphere(out.map, scene, texels, Gather(scene, tracer, direct, field.get(), run.seed), {o.goal}, run);
+    if (field || strength(scene.sky) > 0.0f) bakeHemisphere(out.map, scene, texels, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal}, run);
     out.values = values(out.map, scene);
     out.ledger = ledger(out.map, scene, out.solution.tail, out.solution.tailEstimate);
     out.rays = tracer.rays();
