@@ -8,7 +8,6 @@
 #include "libradiosity/form_factor.h"
 #include "libradiosity/lights.h"
 #include "libscene/constants.h"
-#include "libscene/texture.h"
 
 namespace lmc {
 
@@ -126,7 +125,7 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
   if (!(cumulative.back() > 0.0)) return;
 
   std::array<Ray, kMaxPlaces> rays;
-  std::array<glm::dvec3, kMaxPlaces> radiance, mean;   // times kernel over density; of the place, and of its piece
+  std::array<glm::dvec3, kMaxPlaces> radiance, mean;   // times kernel over density: what counts when seen, and what would count if nothing were in the way
   std::array<std::uint8_t, kMaxPlaces> blocked;
   std::size_t n = 0;
   // A ratio of few terms says little: a single place draws several.
@@ -147,9 +146,7 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
     const double kernel = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, emitter.normal)) / (kPi * d2 * d2);
     if (!(kernel > 0.0) || !std::isfinite(kernel) || !inFront(p, emitter)) continue;
     const double weight = kernel * emitter.area_m2 / share;
-    const glm::vec2 bary = emitter.bary[0] + float(w1) * (emitter.bary[1] - emitter.bary[0]) + float(w2) * (emitter.bary[2] - emitter.bary[0]);
-    mean[n] = weight * glm::dvec3(emitter.radiance);
-    radiance[n] = emitter.textured ? weight * glm::dvec3(shiningAt(scene_, emitter.triangle, bary)) : mean[n];
+    radiance[n] = mean[n] = weight * glm::dvec3(emitter.radiance);
     if (glm::dot(r, p.geometricNormal) <= 0.0) radiance[n] = glm::dvec3(0.0);   // behind the surface itself
     const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, emitter.normal);
     rays[n] = {from, to - from, 1.0f};

@@ -26,26 +26,27 @@ double longestEdge_m(const Emitter& e, int& edge) {
   return longest;
 }
 
-constexpr std::uint32_t kHolePlaces = 1024;
+constexpr std::uint32_t kTexturePlaces = 1024;   // on each piece, for its mean
 
-float opaqueShare(const Scene& scene, std::uint32_t triangle) {
-  const Sobol4 numbers(combine(triangle, 11));
-  std::uint32_t opaque = 0;
-  for (std::uint32_t k = 0; k < kHolePlaces; ++k) {
-    const glm::vec2 u = numbers.point2(k);
-    const float s = std::sqrt(u.x);
-    opaque += alphaAt(scene, triangle, {s * (1.0f - u.y), s * u.y}) >= scene.materialOf(triangle).alphaCutoff;
-  }
-  return float(opaque) / float(kHolePlaces);
-}
-
-}  // namespace
-
+/// What a place sends out: nothing in the holes of a Mask material.
 Rgb shiningAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) {
   const Material& m = scene.materialOf(triangle);
   if (m.alpha == Material::Alpha::Mask && alphaAt(scene, triangle, bary) < m.alphaCutoff) return Rgb(0.0f);
   return emissionAt(scene, triangle, bary);
 }
+
+Rgb meanRadiance(const Scene& scene, const Emitter& e) {
+  const Sobol4 numbers(combine(e.triangle, 11));
+  glm::dvec3 sum(0.0);
+  for (std::uint32_t k = 0; k < kTexturePlaces; ++k) {
+    const glm::vec2 u = numbers.point2(k);
+    const float s = std::sqrt(u.x);
+    sum += glm::dvec3(shiningAt(scene, e.triangle, e.bary[0] + s * (1.0f - u.y) * (e.bary[1] - e.bary[0]) + s * u.y * (e.bary[2] - e.bary[0])));
+  }
+  return Rgb(sum / double(kTexturePlaces));
+}
+
+}  // namespace
 
 Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
   std::vector<Emitter> emitters;
@@ -58,10 +59,8 @@ Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
     e.corner_m = scene.corners_m(t);
     e.area_m2 = area_m2(e.corner_m);
     e.normal = glm::normalize(glm::cross(e.corner_m[1] - e.corner_m[0], e.corner_m[2] - e.corner_m[0]));
-    const bool holes = material.alpha == Material::Alpha::Mask;
-    e.textured = bool(material.emissionTexture) || holes;
-    e.radiance = e.textured ? meanEmission(scene, t) * (holes ? opaqueShare(scene, t) : 1.0f) : material.emission;
-    if (strength(e.radiance) <= 0.0f) continue;
+    e.textured = bool(material.emissionTexture) || material.alpha == Material::Alpha::Mask;
+    e.radiance = material.emission;
     emitters.push_back(e);
     if (material.doubleSided) {
       std::swap(e.corner_m[1], e.corner_m[2]);
@@ -71,7 +70,8 @@ Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
     }
   }
   Emitters out;
-  out.whole = emitters;
+  for (const Emitter& e : emitters)
+    if (!e.textured) out.whole.push_back(e);
   const double smallest = 2.0 * double(scene.extent_m) * kSmallestPiece;
   std::priority_queue<std::pair<double, std::size_t>> queue;
   int edge = 0;
@@ -91,7 +91,13 @@ Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
     queue.emplace(longestEdge_m(emitters[i], edge), i);
     queue.emplace(longestEdge_m(other, edge), emitters.size() - 1);
   }
-  out.pieces = std::move(emitters);
+  // A textured piece shines evenly, by its own mean: seen from farther than its size that is no difference, and nothing is left to chance.
+  for (Emitter& e : emitters) {
+    if (e.textured) e.radiance = meanRadiance(scene, e);
+    if (strength(e.radiance) <= 0.0f) continue;
+    if (e.textured) out.whole.push_back(e);
+    out.pieces.push_back(e);
+  }
   return out;
 }
 

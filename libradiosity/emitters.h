@@ -20,15 +20,12 @@ struct Emitter {
 };
 
 struct Emitters {
-  std::vector<Emitter> whole;    ///< for the closed form
+  std::vector<Emitter> whole;    ///< for the closed form: triangles, but pieces where a texture or holes make them uneven
   std::vector<Emitter> pieces;   ///< for shadow rays: choosing a piece by what it would give is most of the way to choosing a place by it
 };
 
 /// Halves the longest pieces until there are `maxPieces` (or more emissive triangles than that), or none is long against the level.
 Emitters findEmitters(const Scene&, std::size_t maxPieces);
-
-/// What a place of an emissive triangle sends out: nothing in the holes of a Mask material [cd/m^2].
-Rgb shiningAt(const Scene&, std::uint32_t triangle, glm::vec2 bary);
 
 /// Largest channel, by which emitters are chosen.
 inline float strength(const Rgb& c) { return std::max({c.r, c.g, c.b}); }

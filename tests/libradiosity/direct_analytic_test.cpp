@@ -125,5 +125,69 @@ TEST(Sky, WallHidesItsShare) {
   EXPECT_LT(b.ledger.bound95, 0.02);
 }
 
+/// A floor under a large red lamp and a small blue one, with a screen between floor and blue lamp.
+Scene colouredLamps(Rgb red, Rgb blue) {
+  SceneBuilder s;
+  const auto black = s.material(Rgb(0.0f));
+  s.quad({-2, 0, 2}, {4, 0, 0}, {0, 0, -4}, black);
+  s.quad({-2, 2, -2}, {3, 0, 0}, {0, 0, 4}, s.material(Rgb(0.0f), red));
+  s.quad({1.5f, 2, -0.1f}, {0.2f, 0, 0}, {0, 0, 0.2f}, s.material(Rgb(0.0f), blue));
+  s.quad({1, 1, -1}, {1, 0, 0}, {0, 0, 1}, black);
+  s.scene.objects[3].receive = false;
+  return s.scene;
+}
+
+TEST(DirectLight, LampsOfDifferentColoursAddUp) {
+  // A small blue lamp beside a large red one once lost a third of its light: no ray of a texel chose it.
+  const Rgb red(5.0f, 0.0f, 0.0f), blue(0.0f, 0.0f, 3.0f);
+  const test::Baked both = bakeScene(colouredLamps(red, blue), {.bounce = false}), one = bakeScene(colouredLamps(red, Rgb(0.0f)), {.bounce = false}),
+                    other = bakeScene(colouredLamps(Rgb(0.0f), blue), {.bounce = false});
+  EXPECT_NEAR(both.mean(0).x, one.mean(0).x, 5e-3 * one.mean(0).x);
+  EXPECT_NEAR(both.mean(0).z, other.mean(0).z, 5e-3 * other.mean(0).z);
+  EXPECT_GT(other.mean(0).z, 0.0);
+}
+
+TEST(DirectLight, ALampDoesNotLightItself) {
+  // Tilted, double-sided: its own back lies in its plane, and rounding puts half of its texels before it.
+  SceneBuilder s;
+  const auto lamp = s.material(Rgb(0.0f), Rgb(10.0f));
+  s.scene.materials[lamp].doubleSided = true;
+  s.quad({0.1f, 1, 0.2f}, {0.9f, 0.3f, 0.1f}, {0.2f, 0.3f, -0.8f}, lamp);
+  s.quad({-2, 0, 2}, {4, 0, 0}, {0, 0, -4}, s.material(Rgb(0.0f)));
+  const test::Baked b = bakeScene(s.scene, {.side = 128, .bounce = false});
+  EXPECT_EQ(b.mean(0), glm::dvec3(0.0));
+  EXPECT_GT(b.mean(1).x, 0.1);
+}
+
+TEST(DirectLight, HolesOfAnEmitterAreDark) {
+  const auto lit = [](bool holes) {
+    SceneBuilder s;
+    const auto lamp = s.material(Rgb(0.0f), Rgb(10.0f));
+    if (holes) {
+      Image<glm::u8vec4> picture(2, 1);
+      picture.at(0, 0) = {255, 255, 255, 255};
+      picture.at(1, 0) = {255, 255, 255, 0};
+      s.scene.images.push_back(picture);
+      s.scene.materials[lamp].alpha = Material::Alpha::Mask;
+      s.scene.materials[lamp].baseColorTexture.image = 0;
+      s.scene.materials[lamp].baseColorTexture.nearest = true;
+    }
+    s.quad({-0.5f, 2, -0.5f}, {1, 0, 0}, {0, 0, 1}, lamp);
+    s.quad({-0.5f, 0, 0.5f}, {1, 0, 0}, {0, 0, -1}, s.material(Rgb(0.0f)));
+    return bakeScene(s.scene, {.bounce = false});
+  };
+  const test::Baked whole = lit(false), half = lit(true);
+  EXPECT_NEAR(half.mean(1).x, 0.5 * whole.mean(1).x, 0.005 * whole.mean(1).x);
+  EXPECT_LT(half.ledger.noise, 0.01);
+}
+
+TEST(DirectLight, ALampInASurfaceShines) {
+  SceneBuilder s;
+  const auto black = s.material(Rgb(0.0f));
+  s.room({-1, 0, -1}, {1, 2, 1}, {black, black, black, black, black, black});
+  s.scene.lights.push_back(pointLight({0.3, 2.0, 0.1}, 10.0f));   // in the plane of the ceiling
+  EXPECT_GT(bakeScene(s.scene, {.bounce = false}).mean(2).x, 1.0);
+}
+
 }  // namespace
 }  // namespace lmc
