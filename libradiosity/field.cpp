@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint32_t kBurialRays = 8;
 constexpr std::uint32_t kSkyRays = 64;
 
-/// A place on the patch that is not a hole, facing the patch's way.
+/// A place on the patch (holes of Mask materials count as the rest), facing the patch's way.
 SurfacePoint place(const Scene& scene, const PatchMesh& mesh, const Patch& patch, glm::vec2 u) {
   const auto [triangle, bary] = mesh.sample(patch, u);
   SurfacePoint p = surfacePoint(scene, triangle, bary);

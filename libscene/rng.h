@@ -2,8 +2,8 @@
 /// Random numbers that have an address, not a turn: (seed, effect, map, x, y) names a scrambled Sobol sequence, and an index a point
 /// of it. Skipping a texel or a light changes no other's numbers.
 ///
-/// Sobol: direction numbers of [JoeKuo08], dimensions 1 to 4. Scrambling: nested uniform [Owen95], done by a hash whose every bit
-/// depends on the bits above it alone (the idea of [LaineKarras11]).
+/// Sobol: direction numbers of [joe2008], dimensions 1 to 4. Scrambling: nested uniform [owen1995], done by a hash whose every bit
+/// depends on the bits above it alone (the idea of [laine2011]).
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>

@@ -163,6 +163,33 @@ class Refusals(Case):
         with open(self.out) as f:
             self.assertEqual(f.read(), "mine")
 
+    def test_level_that_the_outputs_would_overwrite(self):
+        shutil.copy(sample("furnace.glb"), self.path("level.glb"))
+        before = content(self.folder)
+        done = lmc("bake", self.path("level.glb"), "-o", self.folder, *FAST)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertEqual(content(self.folder), before)
+
+    def test_a_folder_in_the_place_of_an_output(self):
+        shutil.copytree(os.path.join(self.old.name, "out"), self.out)
+        os.remove(os.path.join(self.out, "report.json"))
+        os.mkdir(os.path.join(self.out, "report.json"))
+        before = content(self.out)
+        done = lmc("bake", sample("furnace.glb"), "-o", self.out, *FAST, "--seed", "2")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertEqual(content(self.out), before)
+
+    def test_depfile_that_cannot_be_written(self):
+        shutil.copytree(os.path.join(self.old.name, "out"), self.out)
+        before = content(self.out)
+        os.mkdir(self.path("d"))
+        done = lmc("bake", sample("furnace.glb"), "-o", self.out, *FAST, "--seed", "2", "--depfile", self.path("d"))
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertEqual(content(self.out), before)
+
+    def test_dense_solver_with_passes(self):
+        self.refused(sample("furnace.glb"), 1, "--solver", "dense", "--passes", "2", names="--passes")
+
     def test_out_that_cannot_be_written(self):
         if os.geteuid() == 0:
             self.skipTest("root may write anywhere")
@@ -253,9 +280,7 @@ class Bakes(Case):
             with self.subTest(albedo=albedo):
                 subprocess.run([sys.executable, sample("make_samples.py"), "--only", "furnace", "--furnace-albedo", str(albedo), "--out", self.folder],
                                check=True, stdout=subprocess.DEVNULL)
-                # Shooting takes 1/(1 - albedo) times as many passes: coarser patches, which change nothing where all light is even.
-                coarse = ("--patch-size", "0.4") if albedo > 0.5 else ()
-                done = lmc("bake", self.path("furnace.glb"), "-o", self.out, *coarse)
+                done = lmc("bake", self.path("furnace.glb"), "-o", self.out)
                 self.assertEqual(done.returncode, 0, done.stderr)
                 with open(os.path.join(self.out, "report.json")) as f:
                     report = json.load(f)
@@ -318,6 +343,29 @@ class Bakes(Case):
             header = f.read(24)
         self.assertEqual(header[:8], b"\x89PNG\r\n\x1a\n")
         self.assertEqual(struct.unpack(">II", header[16:24]), (160, 90))
+
+    def test_missed_goal_is_said_and_maps_are_written(self):
+        done = lmc("bake", sample("two_rooms.glb"), "-o", self.out, "--max-error", "1%", "--passes", "1")
+        self.assertEqual(done.returncode, 5, done.stderr)
+        self.assertIn("[LMC_GOAL]", done.stderr)
+        self.assertTrue(os.path.exists(os.path.join(self.out, "lightmap.exr")))
+
+    def test_passes_are_bounces(self):
+        # In a furnace of albedo 1/2 k bounces give pi L (2 - 2^-k).
+        for passes in (1, 2, 3):
+            _, report = self.bake(sample("furnace.glb"), "--passes", str(passes), "--snapshot")
+            want = math.pi * 2.0 * (2.0 - 0.5 ** passes)
+            self.assertLess(abs(report["illuminance"]["mean"][0] / want - 1.0), 0.01)
+            pictures = os.path.join(self.out, "passes")
+            self.assertEqual(len(os.listdir(pictures)) if os.path.isdir(pictures) else 0, passes - 1)
+            shutil.rmtree(pictures, ignore_errors=True)
+
+    def test_dense_and_shooting_agree(self):
+        _, dense = self.bake(sample("two_rooms.glb"), "--solver", "dense", "--patch-size", "0.8", "--effects", "auto")
+        _, shot = self.bake(sample("two_rooms.glb"), "--solver", "shooting", "--patch-size", "0.8", out=self.path("shot"))
+        self.assertEqual((dense["solver"]["method"], shot["solver"]["method"]), ("dense", "shooting"))
+        for a, b in zip(dense["illuminance"]["mean"], shot["illuminance"]["mean"]):
+            self.assertLess(abs(a / b - 1.0), 0.01)
 
     def test_stopped_bakes_leave_nothing(self):
         for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):

@@ -25,7 +25,7 @@ Polygon3 hinged(double w, double length, double angle_deg) {
 }
 
 TEST(FormFactor, UnitCubeFaces) {
-  // [Howell] C-11 and C-14; the two add up to 1 over the five other faces.
+  // [howell] C-11 and C-14; the two add up to 1 over the five other faces.
   const double opposite = exchangeArea_m2(kFloor, {rectangle(V(0, 0, 1), V(0, 1, 0), V(1, 0, 0))});
   const double side = exchangeArea_m2(kFloor, hinged(1, 1, 90));
   EXPECT_NEAR(opposite, 0.199824895698, 1e-11);
