@@ -57,10 +57,7 @@ std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32
 
 std::uint32_t DirectMap::texelAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
   const Object& object = scene.objectOf(triangle);
-  return illuminance && object.receive && object.hasUv1 ? texelUnder(scene, triangle, bary) : kNone;
-}
-
-std::uint32_t DirectMap::texelUnder(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
+  if (!illuminance || !object.receive || !object.hasUv1) return kNone;
   const glm::uvec3 t = scene.triangles[triangle];
   const glm::vec2 uv = (1.0f - bary.x - bary.y) * scene.uv1[t.x] + bary.x * scene.uv1[t.y] + bary.y * scene.uv1[t.z];
   // A UV of exactly 1 lies in the last texel; what is farther out was refused with the charts.
@@ -142,7 +139,7 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
 
 Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap* texels, const PatchLight& light,
              std::array<const Bounced*, 2> solutions, const Run& run)
-    : scene_(scene), mesh_(mesh), map_(map), inMap_(scene.triangles.size(), false) {
+    : scene_(scene), mesh_(mesh), map_(map), uvs_(scene.triangles.size()) {
   std::uint32_t count = 0;
   const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
   const std::vector<Rgb> coarseDirect = groupMeans(mesh, group, count, light.direct);
@@ -158,7 +155,12 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
   }
   if (!texels || !map) return;
   for (auto& t : texels_) t.resize(std::size_t(map.width) * std::size_t(map.height));
-  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) inMap_[t] = scene.objectOf(t).receive && scene.objectOf(t).hasUv1;
+  const glm::vec2 size(map.width, map.height);
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
+    if (!scene.objectOf(t).receive || !scene.objectOf(t).hasUv1) continue;
+    const glm::uvec3 v = scene.triangles[t];
+    uvs_[t] = {size * scene.uv1[v.x], size * (scene.uv1[v.y] - scene.uv1[v.x]), size * (scene.uv1[v.z] - scene.uv1[v.x]), map.charts->chartOf[t]};
+  }
   parallelFor(run, texels->tileCount(), 1, [&](std::size_t tileIndex) {
     const TexelTile tile = texels->texels(tileIndex);
     for (int y = 0; y < tile.height; ++y)
@@ -169,15 +171,20 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
         if (id == kNone) continue;
         const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(map.width) + std::size_t(tile.x0 + x);
         const Rgb rho = mesh.patches[id].reflectance;
-        for (std::size_t h = 0; h < 2; ++h) texels_[h][i] = {rho * (map.illuminance[i] + indirect[h][id]), rho * (map.illuminance[i] + coarseIndirect[h][id])};
+        for (std::size_t h = 0; h < 2; ++h)
+          texels_[h][i] = {{rho * (map.illuminance[i] + indirect[h][id]), rho * (map.illuminance[i] + coarseIndirect[h][id])}, map.chart[i]};
       }
   });
 }
 
 Field::Seen Field::at(const Hit& hit, int half) const {
   const auto h = std::size_t(half);
-  if (hit.front && inMap_[hit.triangle])
-    if (const std::uint32_t i = map_.texelUnder(scene_, hit.triangle, hit.bary); i != kNone) return texels_[h][i];
+  if (const TriangleUv& t = uvs_[hit.triangle]; hit.front && t.chart != kNone) {
+    const glm::vec2 uv = t.corner + hit.bary.x * t.e1 + hit.bary.y * t.e2;
+    const int x = std::clamp(int(std::floor(uv.x)), 0, map_.width - 1), y = std::clamp(int(std::floor(uv.y)), 0, map_.height - 1);
+    const TexelSeen& texel = texels_[h][std::size_t(y) * std::size_t(map_.width) + std::size_t(x)];
+    if (texel.chart == t.chart) return texel.seen;   // else another chart has the texel
+  }
   const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
   return id == kNone ? Seen{} : patches_[h][id];
 }

@@ -18,7 +18,6 @@ struct DirectMap {
   const std::uint8_t* edge = nullptr;    ///< one a texel; not 0 where light changes within the texel, so that its mean is no value at a place
   /// The number of the texel under a place, or kNone where the object has no place in the map.
   std::uint32_t texelAt(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;
-  std::uint32_t texelUnder(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;   ///< the same for an object known to have one
   const Rgb* at(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
     const std::uint32_t i = texelAt(scene, triangle, bary);
     return i == kNone ? nullptr : illuminance + i;
@@ -62,8 +61,18 @@ class Field {
   const Scene& scene_;
   const PatchMesh& mesh_;
   DirectMap map_;
-  std::vector<bool> inMap_;                            // one a triangle: its front has texels
-  std::array<std::vector<Seen>, 2> patches_, texels_;  // of each half; a texel's is that of the patch under its middle, with its own direct light
+  // Where a hit's texel is, and what it shows, each in one place of memory: rays go everywhere, and a cache miss costs as much as half a ray.
+  struct TriangleUv {
+    glm::vec2 corner, e1, e2;             // in texels of the map
+    std::uint32_t chart = kNone;          // kNone = its front has no texels
+  };
+  struct TexelSeen {
+    Seen seen;                            // that of the patch under the texel's middle, with the texel's own direct light
+    std::uint32_t chart = kNone;
+  };
+  std::vector<TriangleUv> uvs_;
+  std::array<std::vector<Seen>, 2> patches_;    // of each half
+  std::array<std::vector<TexelSeen>, 2> texels_;
 };
 
 }  // namespace lmc
