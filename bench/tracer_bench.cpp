@@ -54,7 +54,8 @@ void prepare(const char* level) {
     for (std::uint32_t k = 0; k < kRaysPerTexel; ++k) {
       const glm::vec4 u = numbers.point(k);
       const SurfacePoint p = sampler.at({u.z, u.w});
-      bench.rays.push_back({bench.tracer->lifted(p.position_m, p.geometricNormal), glm::vec3(frameAbout(p.geometricNormal) * cosineHemisphere({u.x, u.y})), INFINITY});
+      bench.rays.push_back({bench.tracer->lifted(p.position_m, p.geometricNormal),
+                            glm::vec3(frameAbout(p.geometricNormal) * cosineHemisphere({u.x, u.y})), INFINITY});
     }
   }
   bench.hits.resize(bench.rays.size());
@@ -64,8 +65,10 @@ void prepare(const char* level) {
   bench.bare = rtcNewScene(bench.device);
   rtcSetSceneFlags(bench.bare, RTC_SCENE_FLAG_ROBUST);
   RTCGeometry g = rtcNewGeometry(bench.device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, bench.scene.positions_m.size()), bench.scene.positions_m.data(), 12 * bench.scene.positions_m.size());
-  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, bench.scene.triangles.size()), bench.scene.triangles.data(), 12 * bench.scene.triangles.size());
+  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, bench.scene.positions_m.size()),
+              bench.scene.positions_m.data(), 12 * bench.scene.positions_m.size());
+  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, bench.scene.triangles.size()),
+              bench.scene.triangles.data(), 12 * bench.scene.triangles.size());
   rtcCommitGeometry(g);
   rtcAttachGeometry(bench.bare, g);
   rtcReleaseGeometry(g);
@@ -84,7 +87,9 @@ std::vector<RTCRayHit> bareRays() {
   return out;
 }
 
-void report(benchmark::State& state) { state.counters["rays/s"] = benchmark::Counter(double(state.iterations()) * double(bench.rays.size()), benchmark::Counter::kIsRate); }
+void report(benchmark::State& state) {
+  state.counters["rays/s"] = benchmark::Counter(double(state.iterations()) * double(bench.rays.size()), benchmark::Counter::kIsRate);
+}
 
 void bareClosestSingle(benchmark::State& state) {
   for (auto _ : state) {
@@ -104,7 +109,8 @@ void bareClosestStream(benchmark::State& state) {
     state.ResumeTiming();
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    for (std::size_t i = 0; i < rays.size(); i += kRaysPerTexel) rtcIntersect1M(bench.bare, &context, &rays[i], kRaysPerTexel, sizeof(RTCRayHit));
+    for (std::size_t i = 0; i < rays.size(); i += kRaysPerTexel)
+      rtcIntersect1M(bench.bare, &context, &rays[i], kRaysPerTexel, sizeof(RTCRayHit));
   }
   report(state);
 }
@@ -121,7 +127,8 @@ void bareOccludedStream(benchmark::State& state) {
     state.ResumeTiming();
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    for (std::size_t i = 0; i < rays.size(); i += kRaysPerTexel) rtcOccluded1M(bench.bare, &context, &rays[i].ray, kRaysPerTexel, sizeof(RTCRayHit));
+    for (std::size_t i = 0; i < rays.size(); i += kRaysPerTexel)
+      rtcOccluded1M(bench.bare, &context, &rays[i].ray, kRaysPerTexel, sizeof(RTCRayHit));
   }
   report(state);
 }

@@ -13,9 +13,9 @@ namespace lmc {
 
 namespace {
 
-constexpr std::size_t kMaxEmitterPieces = 48;   // when a level has few emissive triangles
-constexpr std::size_t kClosedFormPlaces = 4;    // the unoccluded factor is smooth over a texel
-constexpr double kDefensive = 0.05;             // share of the choice of pieces that goes by power alone: a place may see what the first one does not
+constexpr std::size_t kMaxEmitterPieces = 48;  // when a level has few emissive triangles
+constexpr std::size_t kClosedFormPlaces = 4;   // the unoccluded factor is smooth over a texel
+constexpr double kDefensive = 0.05;  // share of the choice of pieces that goes by power alone: a place may see what the first one does not
 constexpr std::size_t kLeastDraws = 4;
 constexpr std::size_t kMaxPlaces = 256;
 
@@ -40,8 +40,10 @@ DirectSample DirectLight::sample(std::span<const SurfacePoint> places, std::span
 }
 
 void DirectLight::trace(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Purpose purpose) const {
-  if (shadows_) tracer_.occluded(rays, blocked, purpose);
-  else std::ranges::fill(blocked, std::uint8_t(0));
+  if (shadows_)
+    tracer_.occluded(rays, blocked, purpose);
+  else
+    std::ranges::fill(blocked, std::uint8_t(0));
 }
 
 void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> places, std::uint32_t index) const {
@@ -53,7 +55,7 @@ void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> p
   for (const SurfacePoint& p : places) {
     const Incoming in = incoming(light, p.position_m, p.normal);
     if (in.illuminance == glm::dvec3(0.0)) continue;
-    if (glm::dot(in.towards, p.geometricNormal) <= 0.0) continue;   // lit by the interpolated normal only: the surface itself is in the way
+    if (glm::dot(in.towards, p.geometricNormal) <= 0.0) continue;  // lit by the interpolated normal only: the surface itself is in the way
     unshadowed[n] = in.illuminance;
     const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal);
     if (in.endless) {
@@ -74,14 +76,16 @@ void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> p
     ++seen;
     out.illuminance += unshadowed[i] / double(places.size());
   }
-  out.mixed |= seen > 0 && seen < places.size();   // the edge of a cone or of the light's side counts as an edge, too
+  out.mixed |= seen > 0 && seen < places.size();  // the edge of a cone or of the light's side counts as an edge, too
   if (seen > 0) out.signature = combine(out.signature, index);
 }
 
 void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> places, const Sobol4& address) const {
   // A place on the lamp or in its plane gets nothing from it; rounding must not say otherwise.
   const double inPlane_m = double(tracer_.lift_m());
-  const auto inFront = [&](const SurfacePoint& p, const Emitter& e) { return p.triangle != e.triangle && glm::dot(p.position_m - e.corner_m[0], e.normal) > inPlane_m; };
+  const auto inFront = [&](const SurfacePoint& p, const Emitter& e) {
+    return p.triangle != e.triangle && glm::dot(p.position_m - e.corner_m[0], e.normal) > inPlane_m;
+  };
 
   // E without blockers, closed form, mean over a few of the places.
   glm::dvec3 unoccluded(0.0);
@@ -94,8 +98,8 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
   }
   if (unoccluded == glm::dvec3(0.0)) return;
 
-  // The choice of pieces: by what they would give to the first place (disc form) as a share of each channel, so that the only blue lamp among
-  // many red ones is not forgotten, and a little by power alone.
+  // The choice of pieces: by what they would give to the first place (disc form) as a share of each channel, so that the only blue lamp
+  // among many red ones is not forgotten, and a little by power alone.
   const std::vector<Emitter>& pieces = emitters_.pieces;
   thread_local std::vector<double> factor, cumulative;
   factor.assign(pieces.size(), 0.0);
@@ -125,7 +129,8 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
   if (!(cumulative.back() > 0.0)) return;
 
   std::array<Ray, kMaxPlaces> rays;
-  std::array<glm::dvec3, kMaxPlaces> radiance, mean;   // times kernel over density: what counts when seen, and what would count if nothing were in the way
+  std::array<glm::dvec3, kMaxPlaces> radiance,
+      mean;  // times kernel over density: what counts when seen, and what would count if nothing were in the way
   std::array<std::uint8_t, kMaxPlaces> blocked;
   std::size_t n = 0;
   // A ratio of few terms says little: a single place draws several.
@@ -140,14 +145,15 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
     if (!(share > 0.0)) continue;
     const double s = std::sqrt(std::clamp((pick - cumulative[e]) / share, 0.0, 1.0));
     const double w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
-    const glm::dvec3 q = emitter.corner_m[0] + w1 * (emitter.corner_m[1] - emitter.corner_m[0]) + w2 * (emitter.corner_m[2] - emitter.corner_m[0]);
+    const glm::dvec3 q =
+        emitter.corner_m[0] + w1 * (emitter.corner_m[1] - emitter.corner_m[0]) + w2 * (emitter.corner_m[2] - emitter.corner_m[0]);
     const glm::dvec3 r = q - p.position_m;
     const double d2 = glm::dot(r, r);
     const double kernel = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, emitter.normal)) / (kPi * d2 * d2);
     if (!(kernel > 0.0) || !std::isfinite(kernel) || !inFront(p, emitter)) continue;
     const double weight = kernel * emitter.area_m2 / share;
     radiance[n] = mean[n] = weight * glm::dvec3(emitter.radiance);
-    if (glm::dot(r, p.geometricNormal) <= 0.0) radiance[n] = glm::dvec3(0.0);   // behind the surface itself
+    if (glm::dot(r, p.geometricNormal) <= 0.0) radiance[n] = glm::dvec3(0.0);  // behind the surface itself
     const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, emitter.normal);
     rays[n] = {from, to - from, 1.0f};
     ++n;
@@ -165,7 +171,8 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
   for (int c = 0; c < 3; ++c)
     if (unoccluded[c] > 0.0) {
       // No draw met a lamp of this colour: it counts as hidden as much as the others are.
-      const double share = allSum[c] > 0.0 ? seenSum[c] / allSum[c] : (seenSum.x + seenSum.y + seenSum.z) / (allSum.x + allSum.y + allSum.z);
+      const double share =
+          allSum[c] > 0.0 ? seenSum[c] / allSum[c] : (seenSum.x + seenSum.y + seenSum.z) / (allSum.x + allSum.y + allSum.z);
       out.illuminance[c] += unoccluded[c] * share;
     }
   out.mixed |= seen > 0 && seen < n;

@@ -1,5 +1,6 @@
 #pragma once
-/// Light that reaches a place without a bounce, from punctual lights and emissive triangles. (The sky comes with the hemisphere rays: gather.h.)
+/// Light that reaches a place without a bounce, from punctual lights and emissive triangles. (The sky comes with the hemisphere rays:
+/// gather.h.)
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -13,12 +14,11 @@
 
 namespace lmc {
 
-
 /// Mean over a set of places and which lights had a say.
 struct DirectSample {
-  glm::dvec3 illuminance{0.0};       ///< E [lx], mean over the places
-  std::uint64_t signature = 0;       ///< equal for two sets where the same lights are seen and the same are hidden
-  bool mixed = false;                ///< a light is seen from some of the places and hidden from others, or shines on some only
+  glm::dvec3 illuminance{0.0};  ///< E [lx], mean over the places
+  std::uint64_t signature = 0;  ///< equal for two sets where the same lights are seen and the same are hidden
+  bool mixed = false;           ///< a light is seen from some of the places and hidden from others, or shines on some only
 };
 
 class DirectLight {
@@ -35,9 +35,9 @@ class DirectLight {
 
   /// One place each for every point; `address` names the random numbers on the emitters. Punctual lights: one shadow ray a place and light.
   /// Emitters: one ray a place, to a piece chosen by about what it would give, a place on it by area; the visible share is weighted by
-  /// the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias of the ratio falls with the number of rays.
+  /// the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias of the ratio falls with the
+  /// number of rays.
   DirectSample sample(std::span<const SurfacePoint> places, std::span<const std::uint32_t> lights, const Sobol4& address) const;
-
 
  private:
   void addPunctual(DirectSample&, std::span<const SurfacePoint>, std::uint32_t light) const;
@@ -48,7 +48,7 @@ class DirectLight {
   const Tracer& tracer_;
   bool shadows_;
   Emitters emitters_;
-  mutable std::vector<std::atomic<std::uint64_t>> rays_;   // shadow rays of each punctual light
+  mutable std::vector<std::atomic<std::uint64_t>> rays_;  // shadow rays of each punctual light
 };
 
 }  // namespace lmc

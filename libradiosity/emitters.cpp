@@ -12,7 +12,7 @@ namespace lmc {
 
 namespace {
 
-constexpr double kSmallestPiece = 1.0 / 64.0;   // of the level's extent: smaller pieces gain nothing that a shadow ray would see
+constexpr double kSmallestPiece = 1.0 / 64.0;  // of the level's extent: smaller pieces gain nothing that a shadow ray would see
 
 double longestEdge_m(const Emitter& e, int& edge) {
   double longest = -1.0;
@@ -26,7 +26,7 @@ double longestEdge_m(const Emitter& e, int& edge) {
   return longest;
 }
 
-constexpr std::uint32_t kTexturePlaces = 1024;   // on each piece, for its mean
+constexpr std::uint32_t kTexturePlaces = 1024;  // on each piece, for its mean
 
 /// What a place sends out: nothing in the holes of a Mask material.
 Rgb shiningAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) {
@@ -41,7 +41,8 @@ Rgb meanRadiance(const Scene& scene, const Emitter& e) {
   for (std::uint32_t k = 0; k < kTexturePlaces; ++k) {
     const glm::vec2 u = numbers.point2(k);
     const float s = std::sqrt(u.x);
-    sum += glm::dvec3(shiningAt(scene, e.triangle, e.bary[0] + s * (1.0f - u.y) * (e.bary[1] - e.bary[0]) + s * u.y * (e.bary[2] - e.bary[0])));
+    sum += glm::dvec3(
+        shiningAt(scene, e.triangle, e.bary[0] + s * (1.0f - u.y) * (e.bary[1] - e.bary[0]) + s * u.y * (e.bary[2] - e.bary[0])));
   }
   return Rgb(sum / double(kTexturePlaces));
 }

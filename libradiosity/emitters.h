@@ -11,17 +11,17 @@ namespace lmc {
 /// An emissive triangle or a piece of one; a double-sided material gives two, back to back.
 struct Emitter {
   std::uint32_t triangle = 0;
-  std::array<glm::vec2, 3> bary;             ///< weights of its corners in the triangle; counter-clockwise seen from the side that shines
+  std::array<glm::vec2, 3> bary;  ///< weights of its corners in the triangle; counter-clockwise seen from the side that shines
   std::array<glm::dvec3, 3> corner_m;
-  glm::dvec3 normal{0.0};                    ///< unit
+  glm::dvec3 normal{0.0};  ///< unit
   double area_m2 = 0.0;
-  Rgb radiance{0.0f};                        ///< area mean, holes included as dark [cd/m^2]
+  Rgb radiance{0.0f};  ///< area mean, holes included as dark [cd/m^2]
   bool textured = false;
 };
 
 struct Emitters {
-  std::vector<Emitter> whole;    ///< for the closed form: triangles, but pieces where a texture or holes make them uneven
-  std::vector<Emitter> pieces;   ///< for shadow rays: choosing a piece by what it would give is most of the way to choosing a place by it
+  std::vector<Emitter> whole;   ///< for the closed form: triangles, but pieces where a texture or holes make them uneven
+  std::vector<Emitter> pieces;  ///< for shadow rays: choosing a piece by what it would give is most of the way to choosing a place by it
 };
 
 /// Halves the longest pieces until there are `maxPieces` (or more emissive triangles than that), or none is long against the level.

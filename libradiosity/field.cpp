@@ -19,7 +19,7 @@ constexpr std::uint32_t kSkyRays = 64;
 SurfacePoint place(const Scene& scene, const PatchMesh& mesh, const Patch& patch, glm::vec2 u) {
   const auto [triangle, bary] = mesh.sample(patch, u);
   SurfacePoint p = surfacePoint(scene, triangle, bary);
-  p.normal = p.geometricNormal;   // patches send and receive by their true faces: with bent normals energy would not balance
+  p.normal = p.geometricNormal;  // patches send and receive by their true faces: with bent normals energy would not balance
   if (patch.back) p.normal = p.geometricNormal = -p.geometricNormal;
   return p;
 }
@@ -41,7 +41,8 @@ std::vector<std::uint32_t> coarseGroups(const PatchMesh& mesh, std::uint32_t& co
   return group;
 }
 
-std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32_t>& group, std::uint32_t count, const std::vector<Rgb>& values) {
+std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32_t>& group, std::uint32_t count,
+                            const std::vector<Rgb>& values) {
   std::vector<glm::dvec3> sum(count, glm::dvec3(0.0));
   std::vector<double> area(count, 0.0);
   for (std::size_t i = 0; i < values.size(); ++i) {
@@ -61,7 +62,8 @@ std::uint32_t DirectMap::texelAt(const Scene& scene, std::uint32_t triangle, glm
   const glm::uvec3 t = scene.triangles[triangle];
   const glm::vec2 uv = (1.0f - bary.x - bary.y) * scene.uv1[t.x] + bary.x * scene.uv1[t.y] + bary.y * scene.uv1[t.z];
   // A UV of exactly 1 lies in the last texel; what is farther out was refused with the charts.
-  const int x = std::clamp(int(std::floor(uv.x * float(width))), 0, width - 1), y = std::clamp(int(std::floor(uv.y * float(height))), 0, height - 1);
+  const int x = std::clamp(int(std::floor(uv.x * float(width))), 0, width - 1),
+            y = std::clamp(int(std::floor(uv.y * float(height))), 0, height - 1);
   const std::size_t i = std::size_t(y) * std::size_t(width) + std::size_t(x);
   // Where charts share a texel, only the one that has it may be read there.
   return chart[i] == kNone || chart[i] != charts->chartOf[triangle] ? kNone : std::uint32_t(i);
@@ -91,7 +93,8 @@ void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, co
   });
 }
 
-PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const DirectLight& direct, const DirectMap& map, const Run& run) {
+PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const DirectLight& direct, const DirectMap& map,
+                        const Run& run) {
   PatchLight out;
   out.direct.assign(mesh.patches.size(), Rgb(0.0f));
   out.sky.assign(mesh.patches.size(), Rgb(0.0f));
@@ -110,8 +113,10 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
       glm::dvec3 sum(0.0);
       for (const SurfacePoint& p : places) {
         const Rgb* known = patch.back ? nullptr : map.at(scene, p.triangle, p.bary);
-        if (known) sum += glm::dvec3(*known);
-        else unknown.push_back(p);
+        if (known)
+          sum += glm::dvec3(*known);
+        else
+          unknown.push_back(p);
       }
       if (!unknown.empty()) {
         const auto lights = direct.lightsFor(patch.centre_m, patch.radius_m);
@@ -143,7 +148,7 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
   std::uint32_t count = 0;
   const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
   const std::vector<Rgb> coarseDirect = groupMeans(mesh, group, count, light.direct);
-  std::array<std::vector<Rgb>, 2> indirect, coarseIndirect;   // sky and bounces
+  std::array<std::vector<Rgb>, 2> indirect, coarseIndirect;  // sky and bounces
   for (std::size_t h = 0; h < 2; ++h) {
     indirect[h] = *solutions[h];
     for (std::size_t i = 0; i < indirect[h].size(); ++i) indirect[h][i] += light.sky[i];
@@ -159,7 +164,8 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
     if (!scene.objectOf(t).receive || !scene.objectOf(t).hasUv1) continue;
     const glm::uvec3 v = scene.triangles[t];
-    uvs_[t] = {size * scene.uv1[v.x], size * (scene.uv1[v.y] - scene.uv1[v.x]), size * (scene.uv1[v.z] - scene.uv1[v.x]), map.charts->chartOf[t]};
+    uvs_[t] = {size * scene.uv1[v.x], size * (scene.uv1[v.y] - scene.uv1[v.x]), size * (scene.uv1[v.z] - scene.uv1[v.x]),
+               map.charts->chartOf[t]};
   }
   parallelFor(run, texels->tileCount(), 1, [&](std::size_t tileIndex) {
     const TexelTile tile = texels->texels(tileIndex);
@@ -172,7 +178,8 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
         const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(map.width) + std::size_t(tile.x0 + x);
         const Rgb rho = mesh.patches[id].reflectance;
         for (std::size_t h = 0; h < 2; ++h)
-          texels_[h][i] = {{rho * (map.illuminance[i] + indirect[h][id]), rho * (map.illuminance[i] + coarseIndirect[h][id])}, map.chart[i]};
+          texels_[h][i] = {{rho * (map.illuminance[i] + indirect[h][id]), rho * (map.illuminance[i] + coarseIndirect[h][id])},
+                           map.chart[i]};
       }
   });
 }
@@ -183,7 +190,7 @@ Field::Seen Field::at(const Hit& hit, int half) const {
     const glm::vec2 uv = t.corner + hit.bary.x * t.e1 + hit.bary.y * t.e2;
     const int x = std::clamp(int(std::floor(uv.x)), 0, map_.width - 1), y = std::clamp(int(std::floor(uv.y)), 0, map_.height - 1);
     const TexelSeen& texel = texels_[h][std::size_t(y) * std::size_t(map_.width) + std::size_t(x)];
-    if (texel.chart == t.chart) return texel.seen;   // else another chart has the texel
+    if (texel.chart == t.chart) return texel.seen;  // else another chart has the texel
   }
   const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
   return id == kNone ? Seen{} : patches_[h][id];

@@ -15,7 +15,7 @@ struct DirectMap {
   const std::uint32_t* chart = nullptr;  ///< one a texel; kNone = not covered
   const Charts* charts = nullptr;        ///< whose texel it must be
   explicit operator bool() const { return illuminance != nullptr; }
-  const std::uint8_t* edge = nullptr;    ///< one a texel; not 0 where light changes within the texel, so that its mean is no value at a place
+  const std::uint8_t* edge = nullptr;  ///< one a texel; not 0 where light changes within the texel, so that its mean is no value at a place
   /// The number of the texel under a place, or kNone where the object has no place in the map.
   std::uint32_t texelAt(const Scene&, std::uint32_t triangle, glm::vec2 bary) const;
   const Rgb* at(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
@@ -24,14 +24,14 @@ struct DirectMap {
   }
 };
 
-/// Finds the parts of patches that lie inside solids (a floor under a column, the end of a beam in a wall): nobody sees them, no light reaches
-/// them, and as parts of a mean they would darken what is seen. A place is buried when all of a few rays from it meet backs of one-sided surfaces.
-/// Sets Patch::exposed and takes the buried share off Patch::area_m2.
+/// Finds the parts of patches that lie inside solids (a floor under a column, the end of a beam in a wall): nobody sees them, no light
+/// reaches them, and as parts of a mean they would darken what is seen. A place is buried when all of a few rays from it meet backs of
+/// one-sided surfaces. Sets Patch::exposed and takes the buried share off Patch::area_m2.
 void exposePatches(PatchMesh&, const Scene&, const Tracer&, const Run&);
 
 /// Illuminance on the exposed part of patches before any bounce [lx].
 struct PatchLight {
-  std::vector<Rgb> direct;   ///< punctual lights and emitters
+  std::vector<Rgb> direct;  ///< punctual lights and emitters
   std::vector<Rgb> sky;
 };
 PatchLight lightPatches(const Scene&, const Tracer&, const PatchMesh&, const DirectLight&, const DirectMap&, const Run&);
@@ -44,10 +44,11 @@ using Bounced = std::vector<Rgb>;
 class Field {
  public:
   /// `texels` are those of the map; without a map (tests) patches alone are read.
-  Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap*, const PatchLight&, std::array<const Bounced*, 2> solutions, const Run&);
+  Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap*, const PatchLight&, std::array<const Bounced*, 2> solutions,
+        const Run&);
   struct Seen {
-    Rgb exitance{0.0f};   ///< B [lm/m^2]; emitted light is not in it
-    Rgb coarse{0.0f};     ///< the same from patches twice the size
+    Rgb exitance{0.0f};  ///< B [lm/m^2]; emitted light is not in it
+    Rgb coarse{0.0f};    ///< the same from patches twice the size
   };
   Seen at(const Hit&, int half) const;
 
@@ -61,17 +62,18 @@ class Field {
   const Scene& scene_;
   const PatchMesh& mesh_;
   DirectMap map_;
-  // Where a hit's texel is, and what it shows, each in one place of memory: rays go everywhere, and a cache miss costs as much as half a ray.
+  // Where a hit's texel is, and what it shows, each in one place of memory: rays go everywhere, and a cache miss costs as much as half a
+  // ray.
   struct TriangleUv {
-    glm::vec2 corner, e1, e2;             // in texels of the map
-    std::uint32_t chart = kNone;          // kNone = its front has no texels
+    glm::vec2 corner, e1, e2;     // in texels of the map
+    std::uint32_t chart = kNone;  // kNone = its front has no texels
   };
   struct TexelSeen {
-    Seen seen;                            // that of the patch under the texel's middle, with the texel's own direct light
+    Seen seen;  // that of the patch under the texel's middle, with the texel's own direct light
     std::uint32_t chart = kNone;
   };
   std::vector<TriangleUv> uvs_;
-  std::array<std::vector<Seen>, 2> patches_;    // of each half
+  std::array<std::vector<Seen>, 2> patches_;  // of each half
   std::array<std::vector<TexelSeen>, 2> texels_;
 };
 

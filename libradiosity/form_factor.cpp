@@ -55,7 +55,8 @@ double elementToPolygon(const glm::dvec3& position, const glm::dvec3& normal, st
   return std::clamp(-sum / (2.0 * kPi), 0.0, 1.0);
 }
 
-double elementToDisc(const glm::dvec3& position, const glm::dvec3& normal, const glm::dvec3& centre, const glm::dvec3& facing, double area_m2) {
+double elementToDisc(const glm::dvec3& position, const glm::dvec3& normal, const glm::dvec3& centre, const glm::dvec3& facing,
+                     double area_m2) {
   const glm::dvec3 r = centre - position;
   const double d2 = glm::dot(r, r);
   const double c = glm::dot(r, normal) * -glm::dot(r, facing);
@@ -66,8 +67,10 @@ double elementToDisc(const glm::dvec3& position, const glm::dvec3& normal, const
 namespace {
 
 // Gauss-Legendre, 10 points on [-1, 1], positive half.
-constexpr std::array<double, 5> kNode{0.14887433898163121088, 0.43339539412924719080, 0.67940956829902440623, 0.86506336668898451073, 0.97390652851717172008};
-constexpr std::array<double, 5> kWeight{0.29552422471475287017, 0.26926671930999635509, 0.21908636251598204400, 0.14945134915058059315, 0.06667134430868813759};
+constexpr std::array<double, 5> kNode{0.14887433898163121088, 0.43339539412924719080, 0.67940956829902440623, 0.86506336668898451073,
+                                      0.97390652851717172008};
+constexpr std::array<double, 5> kWeight{0.29552422471475287017, 0.26926671930999635509, 0.21908636251598204400, 0.14945134915058059315,
+                                        0.06667134430868813759};
 
 /// int over the edge a + t (b - a), t in [0, 1], of ln |p - x| dt, times |b - a|; the antiderivative of ln sqrt(s^2 + h^2) is
 /// s ln sqrt(s^2 + h^2) - s + h atan(s/h).
@@ -84,17 +87,20 @@ double logIntegral(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& d
 }
 
 /// The integrand along the outer edge is smooth but where the inner edge is near: there panels halve until they are as long as the gap.
-double outerIntegral(const glm::dvec3& a, const glm::dvec3& dir, double from, double to, const glm::dvec3& c, const glm::dvec3& innerDir, double innerLength, int depth) {
+double outerIntegral(const glm::dvec3& a, const glm::dvec3& dir, double from, double to, const glm::dvec3& c, const glm::dvec3& innerDir,
+                     double innerLength, int depth) {
   const double half = 0.5 * (to - from), mid = 0.5 * (to + from);
   const glm::dvec3 m = a + mid * dir;
   const double along = std::clamp(glm::dot(m - c, innerDir), 0.0, innerLength);
   const double gap = glm::length(m - (c + along * innerDir));
   if (depth > 0 && gap < 2.0 * half) {
-    return outerIntegral(a, dir, from, mid, c, innerDir, innerLength, depth - 1) + outerIntegral(a, dir, mid, to, c, innerDir, innerLength, depth - 1);
+    return outerIntegral(a, dir, from, mid, c, innerDir, innerLength, depth - 1) +
+           outerIntegral(a, dir, mid, to, c, innerDir, innerLength, depth - 1);
   }
   double sum = 0.0;
   for (std::size_t k = 0; k < kNode.size(); ++k)
-    sum += kWeight[k] * (logIntegral(a + (mid - half * kNode[k]) * dir, c, innerDir, innerLength) + logIntegral(a + (mid + half * kNode[k]) * dir, c, innerDir, innerLength));
+    sum += kWeight[k] * (logIntegral(a + (mid - half * kNode[k]) * dir, c, innerDir, innerLength) +
+                         logIntegral(a + (mid + half * kNode[k]) * dir, c, innerDir, innerLength));
   return half * sum;
 }
 

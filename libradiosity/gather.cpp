@@ -9,7 +9,7 @@ namespace lmc {
 namespace {
 
 constexpr std::uint32_t kBatch = 256;
-constexpr double kNear = 1.0;   // sizes of a patch: nearer hits are evaluated at the place
+constexpr double kNear = 1.0;  // sizes of a patch: nearer hits are evaluated at the place
 
 }  // namespace
 
@@ -54,7 +54,8 @@ void Gather::addNear(Gathered& out, std::span<const NearHit> hits, std::uint64_t
 
 Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const {
   const TexelSampler sampler(scene_, tile, tile.at(x, y));
-  const Sobol4 numbers = sequence(seed_, Draw::Hemisphere, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), std::uint32_t(half));
+  const Sobol4 numbers =
+      sequence(seed_, Draw::Hemisphere, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), std::uint32_t(half));
   Gathered out;
   std::array<Ray, kBatch> rays;
   std::array<Hit, kBatch> hits;

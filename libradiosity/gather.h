@@ -1,7 +1,7 @@
 #pragma once
-/// Hemisphere rays of a texel: what they bring back from the patch solution, and how many see the sky. Patches are too coarse for hits that are
-/// nearer than their size (inside corners, where things touch): there light is evaluated at the hit itself, direct by shadow rays and the rest by
-/// one more hemisphere ray (second-level gather).
+/// Hemisphere rays of a texel: what they bring back from the patch solution, and how many see the sky. Patches are too coarse for hits that
+/// are nearer than their size (inside corners, where things touch): there light is evaluated at the hit itself, direct by shadow rays and
+/// the rest by one more hemisphere ray (second-level gather).
 #include <cstdint>
 
 #include "libradiosity/field.h"
@@ -10,9 +10,9 @@ namespace lmc {
 
 /// Sums over the rays of one half of a texel.
 struct Gathered {
-  glm::dvec3 bounced{0.0};     ///< sum of exitance met: E = sum / rays
-  glm::dvec3 coarse{0.0};      ///< the same from patches of twice the size
-  std::uint32_t sky = 0;       ///< rays that left the level: E_sky = pi L sky / rays
+  glm::dvec3 bounced{0.0};  ///< sum of exitance met: E = sum / rays
+  glm::dvec3 coarse{0.0};   ///< the same from patches of twice the size
+  std::uint32_t sky = 0;    ///< rays that left the level: E_sky = pi L sky / rays
   Gathered& operator+=(const Gathered& o) {
     bounced += o.bounced;
     coarse += o.coarse;
@@ -23,19 +23,19 @@ struct Gathered {
 
 class Gather {
  public:
-  /// `field` may be null: then rays only ask for the sky, and cost what an occlusion ray costs. Without `nearHits` no light comes that is not in the field
-  /// (bounces are counted).
+  /// `field` may be null: then rays only ask for the sky, and cost what an occlusion ray costs. Without `nearHits` no light comes that is
+  /// not in the field (bounces are counted).
   Gather(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const Field* field, bool nearHits, std::uint64_t seed)
       : scene_(scene), tracer_(tracer), direct_(direct), field_(field), nearHits_(nearHits), seed_(seed) {}
 
-  /// Rays [begin, end) of the texel's sequence: ray k is the same whatever else is asked. E about the interpolated normal; a direction below
-  /// the face itself counts as blocked and is not cast.
+  /// Rays [begin, end) of the texel's sequence: ray k is the same whatever else is asked. E about the interpolated normal; a direction
+  /// below the face itself counts as blocked and is not cast.
   Gathered rays(const TexelTile&, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const;
 
  private:
   struct NearHit {
     Hit hit;
-    std::uint32_t index;   ///< of its ray in the texel's sequence
+    std::uint32_t index;  ///< of its ray in the texel's sequence
   };
   void addNear(Gathered&, std::span<const NearHit>, std::uint64_t key, int half) const;
 

@@ -10,18 +10,18 @@ namespace lmc {
 
 namespace {
 
-constexpr std::uint32_t kPilotPlaces = 8;        // each half, on every texel that a light may reach
-constexpr std::uint32_t kPilotRays = 16;         // each half
-constexpr std::uint32_t kMostRays = 4096;        // each half, of one texel
-// Rays each half, mean over a map, at a goal of 2 %; with goal^-1.4 at others. Three times what the hardest benchmark takes: a level whose light
-// hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
+constexpr std::uint32_t kPilotPlaces = 8;  // each half, on every texel that a light may reach
+constexpr std::uint32_t kPilotRays = 16;   // each half
+constexpr std::uint32_t kMostRays = 4096;  // each half, of one texel
+// Rays each half, mean over a map, at a goal of 2 %; with goal^-1.4 at others. Three times what the hardest benchmark takes: a level whose
+// light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
 constexpr double kMeanRaysAtTwoPercent = 1024.0;
-constexpr int kBlock = 4;                        // side of the blocks over which errors are pooled [texels]; divides kTile
-constexpr double kSobolExponent = 0.7;           // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
-constexpr double kNoiseShare = 0.75;             // of the goal, for sampling; the rest is for patch size and what is left out
-constexpr double kDimRoom = 0.01;                // an object's error counts against max(its own mean, this * the level's)
-constexpr double kObjectLimit = 3.0;             // times the goal, design.md section 5
-constexpr double kFieldShare = 0.5;              // error of size h against the change from 2h to h: 1/3 at second order, 1 at first; see docs/stages.md
+constexpr int kBlock = 4;               // side of the blocks over which errors are pooled [texels]; divides kTile
+constexpr double kSobolExponent = 0.7;  // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
+constexpr double kNoiseShare = 0.75;    // of the goal, for sampling; the rest is for patch size and what is left out
+constexpr double kDimRoom = 0.01;       // an object's error counts against max(its own mean, this * the level's)
+constexpr double kObjectLimit = 3.0;    // times the goal, design.md section 5
+constexpr double kFieldShare = 0.5;  // error of size h against the change from 2h to h: 1/3 at second order, 1 at first; see docs/stages.md
 constexpr int kMaxCorrections = 2;
 
 /// Places on the edge texels of shadows, each half: their error falls about as n^-0.75 and they are a few percent of a map.
@@ -63,12 +63,13 @@ struct TexelDirect {
   std::array<DirectSample, 2> half;
   bool settled(double goal) const {
     const glm::dvec3 a = half[0].illuminance, b = half[1].illuminance, d = glm::abs(a - b), s = a + b;
-    return !half[0].mixed && !half[1].mixed && half[0].signature == half[1].signature && std::max({d.x, d.y, d.z}) <= 0.5 * goal * std::max({s.x, s.y, s.z});
+    return !half[0].mixed && !half[1].mixed && half[0].signature == half[1].signature &&
+           std::max({d.x, d.y, d.z}) <= 0.5 * goal * std::max({s.x, s.y, s.z});
   }
 };
 
-TexelDirect directOf(const Scene& scene, const TexelTile& tile, int x, int y, const DirectLight& direct, std::span<const std::uint32_t> lights, std::uint32_t places,
-                     std::uint64_t seed) {
+TexelDirect directOf(const Scene& scene, const TexelTile& tile, int x, int y, const DirectLight& direct,
+                     std::span<const std::uint32_t> lights, std::uint32_t places, std::uint64_t seed) {
   TexelDirect out;
   std::vector<SurfacePoint> at(places);
   const TexelSampler sampler(scene, tile, tile.at(x, y));
@@ -83,16 +84,17 @@ TexelDirect directOf(const Scene& scene, const TexelTile& tile, int x, int y, co
   return out;
 }
 
-/// Texels of a block that belong to one chart, and their pooled error. Blocks are numbered along the map's rows; charts within in order of sight.
+/// Texels of a block that belong to one chart, and their pooled error. Blocks are numbered along the map's rows; charts within in order of
+/// sight.
 struct Pool {
   std::uint32_t object = kNone;
   std::uint32_t texels = 0;
-  std::uint32_t rays = 0;           ///< each half, cast so far
-  double variance = 0.0;            ///< of E, mean over texels and channels [lx^2]
-  double sum = 0.0;                 ///< of E, mean over channels, over texels [lx]
-  double bounced = 0.0;             ///< the part of it that comes by bounces
-  double field2 = 0.0;              ///< square of the mean change from patches of twice the size, channel mean [lx^2]
-  std::uint32_t wanted = 0;         ///< rays each half after the next round
+  std::uint32_t rays = 0;    ///< each half, cast so far
+  double variance = 0.0;     ///< of E, mean over texels and channels [lx^2]
+  double sum = 0.0;          ///< of E, mean over channels, over texels [lx]
+  double bounced = 0.0;      ///< the part of it that comes by bounces
+  double field2 = 0.0;       ///< square of the mean change from patches of twice the size, channel mean [lx^2]
+  std::uint32_t wanted = 0;  ///< rays each half after the next round
 };
 
 struct TexelEstimate {
@@ -124,7 +126,7 @@ struct Pools {
 Pools poolsOf(const LightMap& map, const Scene& scene) {
   Pools out;
   out.of.assign(map.size(), kNone);
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> here;   // chart, pool
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> here;  // chart, pool
   std::vector<glm::dvec3> drift;
   for (int by = 0; by < map.height; by += kBlock)
     for (int bx = 0; bx < map.width; bx += kBlock) {
@@ -250,7 +252,8 @@ LightMap startMap(const Scene& scene, const TexelMap& texels, const Run& run) {
   return map;
 }
 
-void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options, const Run& run) {
+void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
+                const Run& run) {
   if (!direct.any()) return;
   forTiles(texels, run, [&](const TexelTile& tile) {
     const Sphere bounds = boundsOf(scene, tile);
@@ -285,7 +288,8 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
   });
 }
 
-void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Gather& gather, const MapOptions& options, const Run& run) {
+void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Gather& gather, const MapOptions& options,
+                    const Run& run) {
   for (std::size_t h = 0; h < 2; ++h) {
     map.bounced[h].assign(map.size(), Rgb(0.0f));
     map.sky[h].assign(map.size(), 0.0f);
@@ -295,7 +299,10 @@ void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, c
   // One round: every texel gets rays up to what its pool (or, in the pilot, everybody) wants.
   const auto round = [&](const Pools* pools, double from, double to) {
     Run part = run;
-    part.onProgress = [&](double share) { run.progress(from + (to - from) * share); return true; };
+    part.onProgress = [&](double share) {
+      run.progress(from + (to - from) * share);
+      return true;
+    };
     forTiles(texels, part, [&](const TexelTile& tile) {
       for (int y = 0; y < tile.height; ++y)
         for (int x = 0; x < tile.width; ++x) {
@@ -367,7 +374,8 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail, double 
     double bouncedMean() const { return texels > 0.0 ? bounced / texels : 0.0; }
     double noise() const { return texels > 0.0 ? std::sqrt(variance / texels) : 0.0; }
     double field() const { return texels > 0.0 ? kFieldShare * std::sqrt(field2 / texels) : 0.0; }
-    // Pooled variances of p blocks: their sum is about chi-square with p or more degrees of freedom; 1.645 of its relative spread sqrt(2/p).
+    // Pooled variances of p blocks: their sum is about chi-square with p or more degrees of freedom; 1.645 of its relative spread
+    // sqrt(2/p).
     double noise95() const { return pools > 0.0 ? noise() * std::sqrt(1.0 + 1.645 * std::sqrt(2.0 / pools)) : 0.0; }
   };
   Sums level;

@@ -8,54 +8,55 @@
 
 namespace lmc {
 
-/// One entry a texel, rows from the top. Everything sampled is kept in two independent halves: their mean is the value, half their difference
-/// a sample of its error.
+/// One entry a texel, rows from the top. Everything sampled is kept in two independent halves: their mean is the value, half their
+/// difference a sample of its error.
 struct LightMap {
   int width = 0, height = 0;
-  std::vector<std::uint32_t> chart;                 ///< kNone = not covered
-  std::vector<std::uint32_t> object;                ///< of the texel's first fragment
-  std::array<std::vector<Rgb>, 2> direct;           ///< punctual lights and emitters, E [lx]
-  std::vector<std::uint8_t> edge;                   ///< 1 where direct light changes within the texel or beside it
-  std::array<std::vector<Rgb>, 2> bounced;          ///< sums over hemisphere rays
-  std::array<std::vector<float>, 2> sky;            ///< hemisphere rays that left the level
-  std::vector<Rgb> coarse;                          ///< sums over both halves, from patches of twice the size
-  std::vector<std::uint32_t> rays;                  ///< hemisphere rays cast so far, each half
+  std::vector<std::uint32_t> chart;         ///< kNone = not covered
+  std::vector<std::uint32_t> object;        ///< of the texel's first fragment
+  std::array<std::vector<Rgb>, 2> direct;   ///< punctual lights and emitters, E [lx]
+  std::vector<std::uint8_t> edge;           ///< 1 where direct light changes within the texel or beside it
+  std::array<std::vector<Rgb>, 2> bounced;  ///< sums over hemisphere rays
+  std::array<std::vector<float>, 2> sky;    ///< hemisphere rays that left the level
+  std::vector<Rgb> coarse;                  ///< sums over both halves, from patches of twice the size
+  std::vector<std::uint32_t> rays;          ///< hemisphere rays cast so far, each half
   std::size_t size() const { return chart.size(); }
 };
 
 /// Values of a finished map [lx].
 struct LightMapValues {
-  std::vector<Rgb> direct;      ///< without a bounce: punctual lights, emitters, sky
+  std::vector<Rgb> direct;  ///< without a bounce: punctual lights, emitters, sky
   std::vector<Rgb> indirect;
-  std::vector<Rgb> error;       ///< standard error of their sum, pooled over 4 x 4 texels of a chart
+  std::vector<Rgb> error;  ///< standard error of their sum, pooled over 4 x 4 texels of a chart
 };
 
 /// What a map's error is made of, relative to its mean illuminance (design.md section 5).
 struct ErrorLedger {
-  double mean = 0.0;            ///< illuminance, mean over covered texels and channels [lx]
-  double noise = 0.0;           ///< RMS standard error of the sampling
-  double field = 0.0;           ///< RMS difference that patch size makes
-  double tail = 0.0;            ///< upper bound of the light that stopping early leaves out
-  double tailEstimate = 0.0;    ///< best guess of it
-  double estimate = 0.0;        ///< best estimate of the relative RMS error
-  double bound95 = 0.0;         ///< upper bound at 95 % confidence
-  double worstObject = 0.0;     ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
+  double mean = 0.0;          ///< illuminance, mean over covered texels and channels [lx]
+  double noise = 0.0;         ///< RMS standard error of the sampling
+  double field = 0.0;         ///< RMS difference that patch size makes
+  double tail = 0.0;          ///< upper bound of the light that stopping early leaves out
+  double tailEstimate = 0.0;  ///< best guess of it
+  double estimate = 0.0;      ///< best estimate of the relative RMS error
+  double bound95 = 0.0;       ///< upper bound at 95 % confidence
+  double worstObject = 0.0;   ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
   std::uint32_t worstObjectId = kNone;
-  std::uint64_t texels = 0;     ///< covered
+  std::uint64_t texels = 0;  ///< covered
 };
 
 struct MapOptions {
-  double goal = 0.02;           ///< relative RMS error asked for
+  double goal = 0.02;  ///< relative RMS error asked for
 };
 
 /// Charts, objects and coverage of every texel.
 LightMap startMap(const Scene&, const TexelMap&, const Run&);
 
-/// Punctual lights and emitters: 16 places a texel; 2 places x goal-dependent more where a shadow's or a cone's edge is in the texel or beside it.
+/// Punctual lights and emitters: 16 places a texel; 2 places x goal-dependent more where a shadow's or a cone's edge is in the texel or
+/// beside it.
 void bakeDirect(LightMap&, const Scene&, const TexelMap&, const DirectLight&, const MapOptions&, const Run&);
 
-/// Hemisphere rays in rounds: a pilot of 16 a half, then as many as the goal asks for, given out so that the fewest rays reach it, then at most
-/// two corrections. Counts are fixed between rounds from sums in tile order.
+/// Hemisphere rays in rounds: a pilot of 16 a half, then as many as the goal asks for, given out so that the fewest rays reach it, then at
+/// most two corrections. Counts are fixed between rounds from sums in tile order.
 void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Gather&, const MapOptions&, const Run&);
 
 LightMapValues values(const LightMap&, const Scene&);

@@ -38,12 +38,14 @@ Incoming incoming(const Light& light, const glm::dvec3& position_m, const glm::d
   in.towards = light.position_m - position_m;
   const double d2 = glm::dot(in.towards, in.towards);
   const double d = std::sqrt(d2);
-  if (!(d > 0.0)) return in;   // a place on the lamp itself has no direction to it
+  if (!(d > 0.0)) return in;  // a place on the lamp itself has no direction to it
   const double cosine = glm::dot(normal, in.towards) / d;
   if (cosine <= 0.0) return in;
   double factor = cosine;
-  if (light.classic) factor *= kPi * attenuation(*light.classic, d);
-  else factor *= rangeWindow(d, light.range_m) / d2;
+  if (light.classic)
+    factor *= kPi * attenuation(*light.classic, d);
+  else
+    factor *= rangeWindow(d, light.range_m) / d2;
   if (light.kind == Light::Kind::Spot) factor *= spotCone(-glm::dot(light.direction, in.towards) / d, light.cosInner, light.cosOuter);
   in.illuminance = factor * glm::dvec3(light.intensity);
   return in;

@@ -13,9 +13,9 @@ double attenuation(const ClassicAttenuation&, double distance_m);
 
 /// What a light gives to a place when nothing is in between.
 struct Incoming {
-  glm::dvec3 illuminance{0.0};    ///< E [lx] about `normal`; 0 when the light is behind it, out of range or outside the cone
-  glm::dvec3 towards{0.0};        ///< from the place to the light [m]; directional: unit
-  bool endless = false;           ///< the way to the light does not end (directional)
+  glm::dvec3 illuminance{0.0};  ///< E [lx] about `normal`; 0 when the light is behind it, out of range or outside the cone
+  glm::dvec3 towards{0.0};      ///< from the place to the light [m]; directional: unit
+  bool endless = false;         ///< the way to the light does not end (directional)
 };
 Incoming incoming(const Light&, const glm::dvec3& position_m, const glm::dvec3& normal);
 

@@ -24,16 +24,16 @@ struct Traits : OpenMesh::DefaultTraits {
   HalfedgeAttributes(OpenMesh::Attributes::PrevHalfedge);
   EdgeAttributes(0);
   FaceTraits {
-    std::uint32_t node = kNone;                          // in PatchMesh::nodes
-    std::uint32_t triangle = kNone;                      // of the scene
-    std::array<OpenMesh::VertexHandle, 3> corner;        // in the node's order
-    std::array<glm::vec2, 3> bary;                       // in the triangle's weights
+    std::uint32_t node = kNone;                    // in PatchMesh::nodes
+    std::uint32_t triangle = kNone;                // of the scene
+    std::array<OpenMesh::VertexHandle, 3> corner;  // in the node's order
+    std::array<glm::vec2, 3> bary;                 // in the triangle's weights
   };
 };
 using Mesh = OpenMesh::TriMesh_ArrayKernelT<Traits>;
 
-constexpr float kReflectanceSpread = 0.05f;   // of one group; steps of this size over a few patches leave the bounced light as it is
-constexpr int kMaskSamples = 64;              // per leaf, for its share of holes
+constexpr float kReflectanceSpread = 0.05f;  // of one group; steps of this size over a few patches leave the bounced light as it is
+constexpr int kMaskSamples = 64;             // per leaf, for its share of holes
 
 bool reflects(const Scene& scene, std::uint32_t t) {
   const Object& object = scene.objectOf(t);
@@ -43,7 +43,7 @@ bool reflects(const Scene& scene, std::uint32_t t) {
 struct PositionHash {
   std::size_t operator()(const glm::vec3& p) const {
     std::uint32_t b[3];
-    const glm::vec3 q = p + 0.0f;   // -0 and 0 are one place
+    const glm::vec3 q = p + 0.0f;  // -0 and 0 are one place
     std::memcpy(b, &q, sizeof b);
     return combine(combine(b[0], b[1]), b[2]);
   }
@@ -105,14 +105,14 @@ void subdivide(Mesh& mesh, double maxEdge_m, std::vector<PatchMesh::Node>& nodes
   struct Parent {
     OpenMesh::FaceHandle face;
     std::uint32_t node, triangle;
-    std::array<OpenMesh::VertexHandle, 3> corner;   // p, q, apex: p-q is cut, p the first in the node's order
+    std::array<OpenMesh::VertexHandle, 3> corner;  // p, q, apex: p-q is cut, p the first in the node's order
     std::array<glm::vec2, 3> bary;
   };
   while (!queue.empty()) {
     const auto [length, index] = queue.top();
     queue.pop();
     const OpenMesh::EdgeHandle e = mesh.edge_handle(unsigned(index));
-    if (mesh.calc_edge_length(e) != length) continue;   // was cut since
+    if (mesh.calc_edge_length(e) != length) continue;  // was cut since
     std::array<Parent, 2> parents;
     int count = 0;
     for (int side = 0; side < 2; ++side) {
@@ -122,7 +122,8 @@ void subdivide(Mesh& mesh, double maxEdge_m, std::vector<PatchMesh::Node>& nodes
       const OpenMesh::VertexHandle apex = mesh.opposite_vh(mesh.halfedge_handle(e, unsigned(side)));
       const auto k = std::size_t(std::ranges::find(data.corner, apex) - data.corner.begin());
       const std::size_t p = (k + 1) % 3, q = (k + 2) % 3;
-      parents[std::size_t(count++)] = {f, data.node, data.triangle, {data.corner[p], data.corner[q], apex}, {data.bary[p], data.bary[q], data.bary[k]}};
+      parents[std::size_t(count++)] = {
+          f, data.node, data.triangle, {data.corner[p], data.corner[q], apex}, {data.bary[p], data.bary[q], data.bary[k]}};
       nodes[data.node].edge = std::uint8_t(p);
     }
     const OpenMesh::VertexHandle m = mesh.add_vertex(mesh.calc_edge_midpoint(e));
@@ -180,7 +181,7 @@ struct Box {
 
 /// Numbers of the groups of adjacent faces, and what a group is like.
 struct Grouping {
-  std::vector<std::uint32_t> groupOf;   // one a face
+  std::vector<std::uint32_t> groupOf;  // one a face
   std::uint32_t count = 0;
 };
 
@@ -209,7 +210,8 @@ Grouping group(const Scene& scene, const Mesh& mesh, const std::vector<Rgb>& ref
       front.pop_front();
       for (const OpenMesh::FaceHandle n : mesh.ff_range(f)) {
         const std::size_t i = std::size_t(n.idx());
-        if (g.groupOf[i] != kNone || scene.triangleObject[mesh.data(n).triangle] != object || glm::dot(normals[i], normal) < minCos) continue;
+        if (g.groupOf[i] != kNone || scene.triangleObject[mesh.data(n).triangle] != object || glm::dot(normals[i], normal) < minCos)
+          continue;
         const Rgb d = glm::abs(reflectance[i] - rho);
         if (std::max({d.r, d.g, d.b}) > kReflectanceSpread) continue;
         Box grown = box;
@@ -250,7 +252,7 @@ void joinScattered(const Scene& scene, const Mesh& mesh, Grouping& g, double siz
     }
     const glm::dvec3 c = glm::floor(centre[id] / area[id] / size_m);
     const glm::dvec3 n = glm::length(normal[id]) > 0.0 ? glm::normalize(normal[id]) : glm::dvec3(0.0);
-    const glm::dvec3 d = glm::floor(1.5 * n + 0.5);   // 26 directions or so
+    const glm::dvec3 d = glm::floor(1.5 * n + 0.5);  // 26 directions or so
     std::uint64_t key = object[id];
     for (int k = 0; k < 3; ++k) key = combine(key, combine(std::uint64_t(std::int64_t(c[k])), std::uint64_t(std::int64_t(d[k]))));
     const auto [it, fresh] = cell.try_emplace(key, count);
@@ -333,7 +335,8 @@ PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run)
     patch.reflectance = Rgb(rho / whole);
     patch.normal = glm::length(normal) > 0.0 ? glm::normalize(normal) : glm::dvec3(0.0, 1.0, 0.0);
     for (std::uint32_t i = first[g]; i < first[g + 1]; ++i)
-      for (const auto v : mesh.data(mesh.face_handle(unsigned(faceAt[i]))).corner) patch.radius_m = std::max(patch.radius_m, glm::distance(at(mesh, v), patch.centre_m));
+      for (const auto v : mesh.data(mesh.face_handle(unsigned(faceAt[i]))).corner)
+        patch.radius_m = std::max(patch.radius_m, glm::distance(at(mesh, v), patch.centre_m));
     out.patches.push_back(patch);
     if (twoSided) {
       patch.normal = -patch.normal;

@@ -1,6 +1,6 @@
 #pragma once
-/// Patches: the unknowns of the radiosity system (OpenMesh only in patch_mesh.cpp). A patch is a part of a triangle or a group of adjacent parts of
-/// like normal and reflectance, so that the number of patches follows their size and not the number of triangles.
+/// Patches: the unknowns of the radiosity system (OpenMesh only in patch_mesh.cpp). A patch is a part of a triangle or a group of adjacent
+/// parts of like normal and reflectance, so that the number of patches follows their size and not the number of triangles.
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -14,22 +14,22 @@ namespace lmc {
 struct Leaf {
   std::uint32_t triangle = 0;
   std::array<glm::vec2, 3> bary;
-  float area_m2 = 0.0f;               ///< without holes
+  float area_m2 = 0.0f;  ///< without holes
 };
 
 struct Patch {
-  double area_m2 = 0.0;               ///< holes of Mask materials and (after exposePatches) buried parts taken off
+  double area_m2 = 0.0;  ///< holes of Mask materials and (after exposePatches) buried parts taken off
   glm::dvec3 centre_m{0.0};
-  glm::dvec3 normal{0.0};             ///< unit; towards the side that it stands for
-  double radius_m = 0.0;              ///< of the sphere about centre_m that holds it
-  Rgb reflectance{0.0f};              ///< area mean
+  glm::dvec3 normal{0.0};  ///< unit; towards the side that it stands for
+  double radius_m = 0.0;   ///< of the sphere about centre_m that holds it
+  Rgb reflectance{0.0f};   ///< area mean
   std::uint32_t object = 0;
   std::uint32_t firstLeaf = 0, leafCount = 0;
-  std::uint16_t exposed = 0xffff;     ///< which of its kPatchPlaces places see something else than the inside of a solid
-  bool back = false;                  ///< the back of a double-sided material: leaves run clockwise seen from this side
+  std::uint16_t exposed = 0xffff;  ///< which of its kPatchPlaces places see something else than the inside of a solid
+  bool back = false;               ///< the back of a double-sided material: leaves run clockwise seen from this side
 };
 
-inline constexpr std::uint32_t kPatchPlaces = 16;   ///< fixed places on each patch, of sequence(seed, Draw::PatchDirect, 0, 0, patch, 0, 0)
+inline constexpr std::uint32_t kPatchPlaces = 16;  ///< fixed places on each patch, of sequence(seed, Draw::PatchDirect, 0, 0, patch, 0, 0)
 
 struct PatchOptions {
   double size_m = 0.5;                ///< side of the square that a patch is meant to be
@@ -39,9 +39,9 @@ struct PatchOptions {
 
 struct PatchMesh {
   std::vector<Patch> patches;
-  std::vector<Leaf> leaves;           ///< of a patch: contiguous
-  double size_m = 0.0;                ///< PatchOptions::size_m as used
-  std::uint64_t unjoined = 0;         ///< triangles that a non-manifold edge keeps apart from their neighbours
+  std::vector<Leaf> leaves;    ///< of a patch: contiguous
+  double size_m = 0.0;         ///< PatchOptions::size_m as used
+  std::uint64_t unjoined = 0;  ///< triangles that a non-manifold edge keeps apart from their neighbours
 
   /// The patch seen at a place of a triangle from its front or back; kNone where that side reflects nothing (back of a one-sided material).
   std::uint32_t patchAt(std::uint32_t triangle, glm::vec2 bary, bool front) const;
@@ -53,10 +53,10 @@ struct PatchMesh {
   struct Node {
     std::array<std::uint32_t, 2> child{kNone, kNone};
     std::uint32_t patch = kNone;
-    std::uint8_t edge = 0;            ///< the edge from corner `edge` to the next was cut in the middle
-    bool twoSided = false;            ///< the back is patch + 1
+    std::uint8_t edge = 0;  ///< the edge from corner `edge` to the next was cut in the middle
+    bool twoSided = false;  ///< the back is patch + 1
   };
-  std::vector<Node> nodes;            ///< the first ones are the scene's triangles, by number
+  std::vector<Node> nodes;  ///< the first ones are the scene's triangles, by number
 };
 
 /// Patches of everything that reflects: cast, not Blend, not degenerate.

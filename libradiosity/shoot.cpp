@@ -12,10 +12,10 @@ namespace lmc {
 namespace {
 
 constexpr double kLeastRaysPerPatch = 16.0;
-constexpr double kLeastRaysOfShooter = 4.0;      // a patch with less to send waits until it has more
+constexpr double kLeastRaysOfShooter = 4.0;  // a patch with less to send waits until it has more
 constexpr std::uint32_t kBackFace = kNone - 1, kLeft = kNone;
-constexpr std::size_t kRaysAtOnce = 1 << 20;     // hits kept between tracing (parallel) and adding up (in order)
-constexpr double kNothing = 1e-9;                // of the first power: passes end here whatever the bound says
+constexpr std::size_t kRaysAtOnce = 1 << 20;  // hits kept between tracing (parallel) and adding up (in order)
+constexpr double kNothing = 1e-9;             // of the first power: passes end here whatever the bound says
 constexpr int kHoleTries = 8;
 constexpr std::uint32_t kBurialTries = 16;
 
@@ -34,7 +34,8 @@ std::uint32_t target(const PatchMesh& mesh, const Hit& hit) {
 double strengthOf(const glm::dvec3& c) { return std::max({c.x, c.y, c.z}); }
 
 /// A ray from the patch, cosine-distributed about its face. The index moves on past holes of Mask materials.
-Ray leaving(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const Patch& patch, const Sobol4& numbers, std::uint32_t index, std::uint32_t stride) {
+Ray leaving(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const Patch& patch, const Sobol4& numbers, std::uint32_t index,
+            std::uint32_t stride) {
   for (int attempt = 0;; ++attempt) {
     const glm::vec4 u = numbers.point(index);
     const auto [triangle, bary] = mesh.sample(patch, {u.z, u.w});
@@ -59,7 +60,8 @@ double Energy::imbalance() const {
   return worst;
 }
 
-Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const PatchLight& light, const ShootOptions& options, const Run& run) {
+Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const PatchLight& light, const ShootOptions& options,
+               const Run& run) {
   const std::size_t n = mesh.patches.size();
   std::vector<glm::dvec3> unsent(n), arrived(n, glm::dvec3(0.0)), incoming(n);
   Solution out;
@@ -78,7 +80,7 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
     return h;
   };
 
-  double exitance = first;   // power that leaves all surfaces, sent or not
+  double exitance = first;  // power that leaves all surfaces, sent or not
   const auto tailOf = [&](double unsentPower, double rho) { return unsentPower * rho / std::max(1e-6, 1.0 - rho) / exitance; };
   std::vector<std::uint32_t> hits;
   std::vector<Shooter> shooters;
@@ -122,8 +124,11 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
           for (std::uint32_t q = 0; q < m; ++q) {
             std::uint32_t to = target(mesh, met[q]);
             // From the buried part of a patch: start anew elsewhere on it.
-            for (std::uint32_t attempt = 1; to == kBackFace && mesh.patches[s.patch].exposed != 0xffff && attempt <= kBurialTries; ++attempt)
-              to = target(mesh, tracer.closest(leaving(scene, tracer, mesh, mesh.patches[s.patch], numbers, attempt * s.rays + r + q, s.rays), Purpose::Shoot));
+            for (std::uint32_t attempt = 1; to == kBackFace && mesh.patches[s.patch].exposed != 0xffff && attempt <= kBurialTries;
+                 ++attempt)
+              to = target(mesh,
+                          tracer.closest(leaving(scene, tracer, mesh, mesh.patches[s.patch], numbers, attempt * s.rays + r + q, s.rays),
+                                         Purpose::Shoot));
             hits[std::size_t(s.firstRay) + r + q] = to;
           }
         }
@@ -135,9 +140,12 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
         unsent[s.patch] = glm::dvec3(0.0);
         for (std::uint32_t r = 0; r < s.rays; ++r) {
           const std::uint32_t to = hits[std::size_t(s.firstRay) + r];
-          if (to == kLeft) out.energy.left += each;
-          else if (to == kBackFace) out.energy.backs += each;
-          else incoming[to] += each;
+          if (to == kLeft)
+            out.energy.left += each;
+          else if (to == kBackFace)
+            out.energy.backs += each;
+          else
+            incoming[to] += each;
         }
       }
       begin = end;

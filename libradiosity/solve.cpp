@@ -13,7 +13,8 @@ namespace lmc {
 
 namespace {
 
-// The ladder, by q = distance of centres / sum of radii. Errors of each rung at its limit: disc form 0.3 % at 6, three Lambert points 0.2 % at 1.5.
+// The ladder, by q = distance of centres / sum of radii. Errors of each rung at its limit: disc form 0.3 % at 6, three Lambert points 0.2 %
+// at 1.5.
 constexpr double kFar = 6.0, kNear = 1.5;
 constexpr std::uint32_t kClosureRays = 256;
 constexpr int kScalings = 50;
@@ -36,13 +37,17 @@ LeafShape shapeOf(const Scene& scene, const Leaf& leaf, bool back) {
 
 double leafExchange_m2(const LeafShape& a, const LeafShape& b) {
   const double q = glm::distance(a.centre, b.centre) / (a.radius + b.radius);
-  if (q > kFar) return 0.5 * (a.area * elementToDisc(a.centre, a.normal, b.centre, b.normal, b.area) + b.area * elementToDisc(b.centre, b.normal, a.centre, a.normal, a.area));
+  if (q > kFar)
+    return 0.5 * (a.area * elementToDisc(a.centre, a.normal, b.centre, b.normal, b.area) +
+                  b.area * elementToDisc(b.centre, b.normal, a.centre, a.normal, a.area));
   if (q <= kNear) return exchangeArea_m2(std::span<const glm::dvec3>(a.corner), std::span<const glm::dvec3>(b.corner));
   // Three-point rule of degree 2 on the smaller triangle, the other in closed form.
   const LeafShape &small = a.area <= b.area ? a : b, &large = a.area <= b.area ? b : a;
   double sum = 0.0;
   for (std::size_t k = 0; k < 3; ++k)
-    sum += elementToPolygon(small.corner[k] / 1.5 + small.corner[(k + 1) % 3] / 6.0 + small.corner[(k + 2) % 3] / 6.0, small.normal, large.corner) / 3.0;
+    sum += elementToPolygon(small.corner[k] / 1.5 + small.corner[(k + 1) % 3] / 6.0 + small.corner[(k + 2) % 3] / 6.0, small.normal,
+                            large.corner) /
+           3.0;
   return small.area * sum;
 }
 
@@ -52,7 +57,9 @@ double exchangeArea_m2(const Scene& scene, const PatchMesh& mesh, std::uint32_t 
   const Patch &a = mesh.patches[i], &b = mesh.patches[j];
   if (i == j || !mayFace(a, b)) return 0.0;
   const double q = glm::distance(a.centre_m, b.centre_m) / (a.radius_m + b.radius_m);
-  if (q > kFar) return 0.5 * (a.area_m2 * elementToDisc(a.centre_m, a.normal, b.centre_m, b.normal, b.area_m2) + b.area_m2 * elementToDisc(b.centre_m, b.normal, a.centre_m, a.normal, a.area_m2));
+  if (q > kFar)
+    return 0.5 * (a.area_m2 * elementToDisc(a.centre_m, a.normal, b.centre_m, b.normal, b.area_m2) +
+                  b.area_m2 * elementToDisc(b.centre_m, b.normal, a.centre_m, a.normal, a.area_m2));
   double sum = 0.0, wholeA = 0.0, wholeB = 0.0;
   for (std::uint32_t k = 0; k < a.leafCount; ++k) {
     const LeafShape la = shapeOf(scene, mesh.leaves[a.firstLeaf + k], a.back);
@@ -64,7 +71,7 @@ double exchangeArea_m2(const Scene& scene, const PatchMesh& mesh, std::uint32_t 
       sum += leafExchange_m2(la, lb);
     }
   }
-  return sum * (a.area_m2 / wholeA) * (b.area_m2 / wholeB);   // holes of either side take their share
+  return sum * (a.area_m2 / wholeA) * (b.area_m2 / wholeB);  // holes of either side take their share
 }
 
 FormFactors computeFormFactors(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const Run& run) {
@@ -97,7 +104,7 @@ FormFactors computeFormFactors(const Scene& scene, const Tracer& tracer, const P
       if (!h) continue;
       ++(mesh.patchAt(h.triangle, h.bary, h.front) != kNone ? met : backs);
     }
-    const std::uint32_t from = patch.exposed == 0xffff ? kClosureRays : kClosureRays - backs;   // rays of buried parts do not count
+    const std::uint32_t from = patch.exposed == 0xffff ? kClosureRays : kClosureRays - backs;  // rays of buried parts do not count
     f.closure[i] = from > 0 ? double(met) / from : 0.0;
   });
   for (std::size_t i = 0; i < n; ++i)
@@ -151,7 +158,7 @@ Solution solveDense(const PatchMesh& mesh, const FormFactors& f, const PatchLigh
     return y;
   };
   for (int c = 0; c < 3; ++c) {
-    Eigen::VectorXd E(n), root(n);   // root_i = sqrt(rho_i / A_i): S = root G root
+    Eigen::VectorXd E(n), root(n);  // root_i = sqrt(rho_i / A_i): S = root G root
     for (Eigen::Index i = 0; i < n; ++i) {
       const std::size_t k = std::size_t(i);
       const double rho = double(mesh.patches[k].reflectance[c]);
@@ -162,7 +169,9 @@ Solution solveDense(const PatchMesh& mesh, const FormFactors& f, const PatchLigh
     // b_i = M_i sqrt(A_i/rho_i) with M = rho E, that is E sqrt(A rho).
     const Eigen::VectorXd b = (E.array() * area.array() * root.array()).matrix();
     Eigen::VectorXd x = b;
-    const auto apply = [&](const Eigen::VectorXd& v) { return Eigen::VectorXd(v - (root.array() * multiply((root.array() * v.array()).matrix()).array()).matrix()); };
+    const auto apply = [&](const Eigen::VectorXd& v) {
+      return Eigen::VectorXd(v - (root.array() * multiply((root.array() * v.array()).matrix()).array()).matrix());
+    };
     Eigen::VectorXd r = b - apply(x), p = r;
     double rr = r.squaredNorm();
     const double limit = options.maxRelativeResidual * b.norm();
@@ -186,7 +195,7 @@ Solution solveDense(const PatchMesh& mesh, const FormFactors& f, const PatchLigh
       const double h = area[i] > 0.0 ? std::max(0.0, H[i] / area[i]) : 0.0;
       out.illuminance[s][c] = float(h);
       out.energy.absorbed[c] += (1.0 - double(mesh.patches[s].reflectance[c])) * area[i] * h;
-      out.energy.left[c] += area[i] * B[i] * (1.0 - f.closure[s]);   // backs and sky together: the matrix knows fronts only
+      out.energy.left[c] += area[i] * B[i] * (1.0 - f.closure[s]);  // backs and sky together: the matrix knows fronts only
     }
   }
   return out;

@@ -23,8 +23,11 @@ std::array<glm::dvec3, 3> leafCorners(const Scene& scene, const Leaf& leaf, bool
 
 bool mayFace(const Patch& a, const Patch& b) {
   const glm::dvec3 r = b.centre_m - a.centre_m;
-  // Faces of a group bend by 0.35 rad at most: sin(0.35) of its radius off its mean plane, taken as half. The other reaches its radius towards it.
-  const auto inFront = [](const glm::dvec3& n, const glm::dvec3& d, double own, double other) { return glm::dot(n, d) > -(other + 0.5 * own); };
+  // Faces of a group bend by 0.35 rad at most: sin(0.35) of its radius off its mean plane, taken as half. The other reaches its radius
+  // towards it.
+  const auto inFront = [](const glm::dvec3& n, const glm::dvec3& d, double own, double other) {
+    return glm::dot(n, d) > -(other + 0.5 * own);
+  };
   return inFront(a.normal, r, a.radius_m, b.radius_m) && inFront(b.normal, -r, b.radius_m, a.radius_m);
 }
 

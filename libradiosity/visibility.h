@@ -9,7 +9,8 @@ namespace lmc {
 /// The corners of a leaf in the level [m], counter-clockwise seen from the side that the patch stands for.
 std::array<glm::dvec3, 3> leafCorners(const Scene&, const Leaf&, bool back);
 
-/// False when no place of one patch is in front of any place of the other: no form factor, no ray. Takes patches as flat within half their radius.
+/// False when no place of one patch is in front of any place of the other: no form factor, no ray. Takes patches as flat within half their
+/// radius.
 bool mayFace(const Patch&, const Patch&);
 
 /// sum K V / sum K over scrambled Sobol pairs of places, K the point-to-point kernel: unbiased where penumbrae are not (a plain share of

@@ -22,10 +22,10 @@ using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Point = Kernel::Point_2;
 
 constexpr double kHarmlessOutside_texel = 1.0 / 64.0;
-// Charts of curved cuts fold over themselves by strips as thin as the rounding of their UVs. What two places share of a texel moves its mean
-// by that share of their difference, and such places are neighbours: 1/32 of a texel stays below any goal.
+// Charts of curved cuts fold over themselves by strips as thin as the rounding of their UVs. What two places share of a texel moves its
+// mean by that share of their difference, and such places are neighbours: 1/32 of a texel stays below any goal.
 constexpr double kHarmlessOverlap_texel = 1.0 / 32.0;
-constexpr std::uint64_t kEnoughPairs = 1000;   // of overlapping triangles: then the layout is no layout, and counting on would take n^2
+constexpr std::uint64_t kEnoughPairs = 1000;  // of overlapping triangles: then the layout is no layout, and counting on would take n^2
 constexpr int kMinSide = 16, kMaxSide = 8192;
 
 std::array<glm::dvec2, 3> uvCorners(const Scene& scene, std::uint32_t triangle) {
@@ -133,12 +133,17 @@ void checkOverlap(const Scene& scene, const std::vector<std::uint32_t>& triangle
   }
   if (pairs == 0) {
     if (folds > 0)
-      run.note({{}, scene.file.string(), "", fmt::format("{} pairs of light-map triangles overlap by less than 1/32 texel: taken as rounding", folds), "LMC_UV_FOLD"});
+      run.note({{},
+                scene.file.string(),
+                "",
+                fmt::format("{} pairs of light-map triangles overlap by less than 1/32 texel: taken as rounding", folds),
+                "LMC_UV_FOLD"});
     return;
   }
   throw Error(Exit::Broken, scene.file, pointer(scene.objectOf(first.first)),
-              fmt::format("light-map UVs overlap: {} and {} share {:.3g} texels of a map of {} x {}; {}{} pairs of triangles overlap", named(scene, first.first),
-                          named(scene, first.second), firstArea, side, side, pairs == kEnoughPairs ? "at least " : "", pairs),
+              fmt::format("light-map UVs overlap: {} and {} share {:.3g} texels of a map of {} x {}; {}{} pairs of triangles overlap",
+                          named(scene, first.first), named(scene, first.second), firstArea, side, side,
+                          pairs == kEnoughPairs ? "at least " : "", pairs),
               "LMC_UV_OVERLAP");
 }
 
@@ -161,8 +166,10 @@ int mapSide(const Scene& scene, int wanted, double texelsPerMetre) {
 Charts findCharts(const Scene& scene, int side, const Run& run) {
   for (const Object& o : scene.objects)
     if (o.receive && !o.hasUv1 && o.triangleCount > 0)
-      throw Error(Exit::Unsupported, scene.file, fmt::format("/meshes/{}/primitives/{}/attributes", o.mesh, o.primitive),
-                  fmt::format("object '{}' has no TEXCOORD_1: a light map needs a second UV set, and this version does not make one", o.path), "LMC_UV_MISSING");
+      throw Error(
+          Exit::Unsupported, scene.file, fmt::format("/meshes/{}/primitives/{}/attributes", o.mesh, o.primitive),
+          fmt::format("object '{}' has no TEXCOORD_1: a light map needs a second UV set, and this version does not make one", o.path),
+          "LMC_UV_MISSING");
 
   std::vector<std::uint32_t> placed;
   std::uint64_t flat = 0;
@@ -176,8 +183,12 @@ Charts findCharts(const Scene& scene, int side, const Run& run) {
     }
   }
   if (flat > 0)
-    run.warn({{}, scene.file.string(), pointer(scene.objectOf(firstFlat)),
-              fmt::format("{} triangles have no area in light-map UV space and get no light map; the first is {}", flat, named(scene, firstFlat)), "LMC_UV_ZERO_AREA"});
+    run.warn({{},
+              scene.file.string(),
+              pointer(scene.objectOf(firstFlat)),
+              fmt::format("{} triangles have no area in light-map UV space and get no light map; the first is {}", flat,
+                          named(scene, firstFlat)),
+              "LMC_UV_ZERO_AREA"});
   checkBounds(scene, placed, side);
   checkOverlap(scene, placed, side, run);
 
@@ -200,7 +211,7 @@ Charts findCharts(const Scene& scene, int side, const Run& run) {
   charts.chartOf.assign(scene.triangles.size(), kNone);
   for (const std::uint32_t t : placed) {
     const std::uint32_t root = rootOf(parent, t);
-    charts.chartOf[t] = root == t ? charts.count++ : charts.chartOf[root];   // roots come first: they are the smallest of their set
+    charts.chartOf[t] = root == t ? charts.count++ : charts.chartOf[root];  // roots come first: they are the smallest of their set
   }
   return charts;
 }

@@ -10,7 +10,7 @@ namespace lmc {
 
 /// Triangles of one object that share corners in light-map UV space form a chart.
 struct Charts {
-  std::vector<std::uint32_t> chartOf;   ///< one a triangle; kNone where the triangle has no place in the map (not receiving, or no UV area)
+  std::vector<std::uint32_t> chartOf;  ///< one a triangle; kNone where the triangle has no place in the map (not receiving, or no UV area)
   std::uint32_t count = 0;
 };
 
@@ -19,8 +19,8 @@ struct Charts {
 int mapSide(const Scene&, int wanted, double texelsPerMetre);
 
 /// Throws Error Unsupported when an object that receives light has no TEXCOORD_1, Broken when a UV lies outside [0, 1] by more than 1/64
-/// texel or when two triangles overlap by more than 1/32 texel, or by a strip wider than that (decided by exact predicates, measured after). Names object, mesh and triangle.
-/// Triangles without UV area that have area in the level are counted in a warning.
+/// texel or when two triangles overlap by more than 1/32 texel, or by a strip wider than that (decided by exact predicates, measured
+/// after). Names object, mesh and triangle. Triangles without UV area that have area in the level are counted in a warning.
 Charts findCharts(const Scene&, int mapSide, const Run&);
 
 }  // namespace lmc

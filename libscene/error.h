@@ -10,14 +10,14 @@ namespace lmc {
 /// Also the exit code of the program; docs/exit-codes.md says each in words.
 enum class Exit : int {
   Done = 0,
-  Usage = 1,         ///< the command line
-  Io = 2,            ///< missing, unreadable, not writable
-  Broken = 3,        ///< the level is broken; `where` is a JSON pointer
-  Unsupported = 4,   ///< the level needs a feature that lmc does not have
-  GoalMissed = 5,    ///< an explicit goal was missed; maps are written
-  Numerical = 6,     ///< a numerical check failed; maps are not written
-  Differs = 7,       ///< compare or check-shader above its limit
-  Limit = 8,         ///< space, quota, memory or a size limit
+  Usage = 1,        ///< the command line
+  Io = 2,           ///< missing, unreadable, not writable
+  Broken = 3,       ///< the level is broken; `where` is a JSON pointer
+  Unsupported = 4,  ///< the level needs a feature that lmc does not have
+  GoalMissed = 5,   ///< an explicit goal was missed; maps are written
+  Numerical = 6,    ///< a numerical check failed; maps are not written
+  Differs = 7,      ///< compare or check-shader above its limit
+  Limit = 8,        ///< space, quota, memory or a size limit
   Internal = 9,
   Interrupted = 130,
   Terminated = 143,
@@ -27,10 +27,10 @@ enum class Exit : int {
 struct Error : std::runtime_error {
   Error(Exit kind_, const std::filesystem::path& file_, std::string_view where_, std::string_view what_, std::string_view code_ = {});
   Exit kind;
-  std::string file;    ///< as the user named it; may be empty
-  std::string where;   ///< a JSON pointer such as "/meshes/3", or empty
-  std::string text;    ///< one sentence, no full stop
-  std::string code;    ///< stable name such as "LMC_REFERENCE", or empty
+  std::string file;   ///< as the user named it; may be empty
+  std::string where;  ///< a JSON pointer such as "/meshes/3", or empty
+  std::string text;   ///< one sentence, no full stop
+  std::string code;   ///< stable name such as "LMC_REFERENCE", or empty
 };
 
 /// Something worth saying that does not end the run.

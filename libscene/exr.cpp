@@ -47,18 +47,19 @@ class Source : public Imf::IStream {
   std::size_t at_ = 0;
 };
 
-constexpr int kRows = 32;   // one PIZ block: rows are turned to halves a block at a time
+constexpr int kRows = 32;  // one PIZ block: rows are turned to halves a block at a time
 
 }  // namespace
 
-void writeExr(OutputFile& file, int width, int height, const std::vector<ExrChannel>& channels, const std::map<std::string, float>& attributes) {
+void writeExr(OutputFile& file, int width, int height, const std::vector<ExrChannel>& channels,
+              const std::map<std::string, float>& attributes) {
   Imf::Header header(width, height);
   header.compression() = Imf::PIZ_COMPRESSION;
   for (const auto& [name, value] : attributes) header.insert(name, Imf::FloatAttribute(value));
   for (const ExrChannel& c : channels) header.channels().insert(c.name, Imf::Channel(Imf::HALF));
 
   Sink sink(file);
-  Imf::OutputFile out(sink, header, 1);   // one thread: the order of blocks is the order of rows
+  Imf::OutputFile out(sink, header, 1);  // one thread: the order of blocks is the order of rows
   std::vector<std::vector<half>> rows(channels.size(), std::vector<half>(std::size_t(width) * kRows));
   for (int y = 0; y < height; y += kRows) {
     const int n = std::min(kRows, height - y);
@@ -93,14 +94,16 @@ ExrImage readExr(const std::filesystem::path& path, std::uint64_t maxPixels) {
     image.height = int(h);
     Imf::FrameBuffer frame;
     for (auto c = header.channels().begin(); c != header.channels().end(); ++c) {
-      if (c.channel().xSampling != 1 || c.channel().ySampling != 1) throw Error(Exit::Unsupported, path, "", "subsampled channels are not supported");
+      if (c.channel().xSampling != 1 || c.channel().ySampling != 1)
+        throw Error(Exit::Unsupported, path, "", "subsampled channels are not supported");
       std::vector<float>& data = image.channels[c.name()];
       data.resize(std::size_t(w * h));
       char* base = reinterpret_cast<char*>(data.data()) - (std::ptrdiff_t(window.min.y) * w + window.min.x) * std::ptrdiff_t(sizeof(float));
       frame.insert(c.name(), Imf::Slice(Imf::FLOAT, base, sizeof(float), sizeof(float) * std::size_t(w)));
     }
     for (auto a = header.begin(); a != header.end(); ++a)
-      if (std::strcmp(a.attribute().typeName(), "float") == 0) image.attributes[a.name()] = static_cast<const Imf::FloatAttribute&>(a.attribute()).value();
+      if (std::strcmp(a.attribute().typeName(), "float") == 0)
+        image.attributes[a.name()] = static_cast<const Imf::FloatAttribute&>(a.attribute()).value();
     in.setFrameBuffer(frame);
     in.readPixels(window.min.y, window.max.y);
     return image;

@@ -24,7 +24,7 @@ void writeExr(OutputFile&, int width, int height, const std::vector<ExrChannel>&
 struct ExrImage {
   int width = 0, height = 0;
   std::map<std::string, std::vector<float>> channels;
-  std::map<std::string, float> attributes;   ///< float attributes only
+  std::map<std::string, float> attributes;  ///< float attributes only
 };
 
 /// Every channel as float. Throws Error Io or Broken; refuses pictures of more than maxPixels before anything is decoded.

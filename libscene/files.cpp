@@ -25,7 +25,7 @@ Exit kindOf(int error) { return error == ENOSPC || error == EDQUOT || error == E
 
 void syncFolder(const fs::path& folder) {
   const int fd = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return;   // some file systems do not let a folder be opened; the rename itself has succeeded
+  if (fd < 0) return;  // some file systems do not let a folder be opened; the rename itself has succeeded
   ::fsync(fd);
   ::close(fd);
 }
@@ -36,8 +36,10 @@ std::string line(std::string_view kind, std::string_view file, std::string_view 
   std::string out;
   const auto put = [&](std::string_view part) {
     for (const char c : part) {
-      if (static_cast<unsigned char>(c) < 32 || c == 127) out += fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
-      else out += c;
+      if (static_cast<unsigned char>(c) < 32 || c == 127)
+        out += fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
+      else
+        out += c;
     }
   };
   put(file);
@@ -58,13 +60,21 @@ std::string line(std::string_view kind, std::string_view file, std::string_view 
 }
 
 Error::Error(Exit kind_, const fs::path& file_, std::string_view where_, std::string_view what_, std::string_view code_)
-    : std::runtime_error(line("error", file_.string(), where_, what_, code_)), kind(kind_), file(file_.string()), where(where_), text(what_), code(code_) {}
+    : std::runtime_error(line("error", file_.string(), where_, what_, code_)),
+      kind(kind_),
+      file(file_.string()),
+      where(where_),
+      text(what_),
+      code(code_) {}
 
 std::vector<std::uint8_t> readFile(const fs::path& file, std::uint64_t maxBytes) {
   // O_NONBLOCK: a FIFO in the place of a file must not hang the run before fstat can refuse it.
   const int fd = ::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) throw Error(Exit::Io, file, "", errno == ENOENT ? "no such file" : fmt::format("cannot be opened: {}", std::strerror(errno)));
-  struct Closer { int fd; ~Closer() { ::close(fd); } } closer{fd};
+  struct Closer {
+    int fd;
+    ~Closer() { ::close(fd); }
+  } closer{fd};
   struct stat info {};
   if (::fstat(fd, &info) != 0) throw Error(Exit::Io, file, "", fmt::format("cannot be read: {}", std::strerror(errno)));
   if (S_ISDIR(info.st_mode)) throw Error(Exit::Io, file, "", "is a folder, not a file");
@@ -170,7 +180,8 @@ OutputSet::OutputSet(const fs::path& folder) : folder_(folder) {
     if (error) throw Error(kindOf(error.value()), folder_, "", fmt::format("cannot be made: {}", error.message()));
   }
   if (!fs::is_directory(folder_, error)) throw Error(Exit::Io, folder_, "", "is not a folder");
-  if (::access(folder_.c_str(), W_OK | X_OK) != 0) throw Error(kindOf(errno), folder_, "", fmt::format("cannot be written to: {}", std::strerror(errno)));
+  if (::access(folder_.c_str(), W_OK | X_OK) != 0)
+    throw Error(kindOf(errno), folder_, "", fmt::format("cannot be written to: {}", std::strerror(errno)));
 }
 
 OutputFile& OutputSet::open(const fs::path& name) {
@@ -191,7 +202,7 @@ void OutputSet::commit() {
 OutputSet::~OutputSet() {
   files_.clear();
   std::error_code ignored;
-  if (madeFolder_ && !committed_) fs::remove(folder_, ignored);   // removes an empty folder only
+  if (madeFolder_ && !committed_) fs::remove(folder_, ignored);  // removes an empty folder only
 }
 
 void writeFileWhole(const fs::path& file, std::string_view bytes) {

@@ -26,13 +26,13 @@ class OutputFile {
   std::uint64_t position() const { return position_; }
   void seek(std::uint64_t position);
   std::uint64_t size() const { return size_; }
-  std::string hash();   ///< of what was written so far, as contentHash()
+  std::string hash();  ///< of what was written so far, as contentHash()
 
  private:
   friend class OutputSet;
   OutputFile(const std::filesystem::path& target, const std::filesystem::path& temporary);
   void flush();
-  void finish();   ///< flush, fsync, check the size
+  void finish();  ///< flush, fsync, check the size
   void rename();
   void fail(std::string_view doing, int error) const;
   std::filesystem::path target_, temporary_;

@@ -37,28 +37,40 @@ using Reader = Value (*)(const std::uint8_t*, bool);
 
 Reader<float> floatReader(int type) {
   switch (type) {
-    case TINYGLTF_COMPONENT_TYPE_BYTE: return asFloat<std::int8_t>;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return asFloat<std::uint8_t>;
-    case TINYGLTF_COMPONENT_TYPE_SHORT: return asFloat<std::int16_t>;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return asFloat<std::uint16_t>;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: return asFloat<std::uint32_t>;
-    default: return asFloat<float>;
+    case TINYGLTF_COMPONENT_TYPE_BYTE:
+      return asFloat<std::int8_t>;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+      return asFloat<std::uint8_t>;
+    case TINYGLTF_COMPONENT_TYPE_SHORT:
+      return asFloat<std::int16_t>;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+      return asFloat<std::uint16_t>;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
+      return asFloat<std::uint32_t>;
+    default:
+      return asFloat<float>;
   }
 }
 
 Reader<std::uint32_t> indexReader(int type) {
   switch (type) {
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return asIndex<std::uint8_t>;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return asIndex<std::uint16_t>;
-    default: return asIndex<std::uint32_t>;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+      return asIndex<std::uint8_t>;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+      return asIndex<std::uint16_t>;
+    default:
+      return asIndex<std::uint32_t>;
   }
 }
 
 std::int64_t restartValue(int type) {
   switch (type) {
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return 0xff;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return 0xffff;
-    default: return 0xffffffff;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+      return 0xff;
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+      return 0xffff;
+    default:
+      return 0xffffffff;
   }
 }
 
@@ -92,7 +104,7 @@ void applySparse(const GltfFile& file, const tinygltf::Model& model, const tinyg
   const auto readIndex = indexReader(sparse.indices.componentType);
   for (std::size_t i = 0; i < std::size_t(sparse.count); ++i) {
     const std::size_t element = readIndex(indices + i * indexSize, false);
-    assert(element < accessor.count);   // checkIndexValues() has seen it
+    assert(element < accessor.count);  // checkIndexValues() has seen it
     readElements(values + i * components * size, 1, 0, components, size, read, accessor.normalized, &out[element * components]);
   }
 }
@@ -101,7 +113,7 @@ template <class Value>
 std::vector<Value> readAll(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Accessor& accessor, Reader<Value> read) {
   const auto components = std::size_t(componentCount(accessor));
   const auto size = std::size_t(tinygltf::GetComponentSizeInBytes(std::uint32_t(accessor.componentType)));
-  std::vector<Value> out(accessor.count * components);   // zeros, as the specification wants where there is no view
+  std::vector<Value> out(accessor.count * components);  // zeros, as the specification wants where there is no view
   if (accessor.bufferView >= 0) {
     const tinygltf::BufferView& view = model.bufferViews[std::size_t(accessor.bufferView)];
     const std::size_t stride = view.byteStride != 0 ? view.byteStride : components * size;
@@ -130,7 +142,8 @@ void checkIndexValues(const GltfFile& file, const tinygltf::Model& model) {
     if (!start) continue;
     const auto size = std::size_t(tinygltf::GetComponentSizeInBytes(std::uint32_t(from.componentType)));
     for (std::size_t i = 0; i < std::size_t(accessor.sparse.count); ++i)
-      if (const std::uint32_t element = indexReader(from.componentType)(start + std::size_t(from.byteOffset) + i * size, false); element >= accessor.count)
+      if (const std::uint32_t element = indexReader(from.componentType)(start + std::size_t(from.byteOffset) + i * size, false);
+          element >= accessor.count)
         throw Error(Exit::Broken, file.path, fmt::format("/accessors/{}/sparse/indices", a),
                     fmt::format("index {} is {}, there are {} elements", i, element, accessor.count), "LMC_INDEX_OUT_OF_RANGE");
   }

@@ -29,7 +29,7 @@ struct Place {
   std::string text() const {
     if (!up) return "";
     if (key.empty()) return up->text() + fmt::format("/{}", index);
-    std::string escaped;   // RFC 6901
+    std::string escaped;  // RFC 6901
     for (const char c : key) escaped += c == '~' ? "~0" : c == '/' ? "~1" : std::string(1, c);
     return up->text() + "/" + escaped;
   }
@@ -39,14 +39,23 @@ using namespace rules;
 
 int componentBytes(std::int64_t type) {
   switch (type) {
-    case 5120: case 5121: return 1;
-    case 5122: case 5123: return 2;
-    case 5125: case 5126: return 4;
-    default: return 0;
+    case 5120:
+    case 5121:
+      return 1;
+    case 5122:
+    case 5123:
+      return 2;
+    case 5125:
+    case 5126:
+      return 4;
+    default:
+      return 0;
   }
 }
 
-unsigned componentBit(std::int64_t type) { return type >= 5120 && type <= 5126 && type != 5124 ? 1u << (type - 5120 - (type > 5123 ? 1 : 0)) : 0; }
+unsigned componentBit(std::int64_t type) {
+  return type >= 5120 && type <= 5126 && type != 5124 ? 1u << (type - 5120 - (type > 5123 ? 1 : 0)) : 0;
+}
 
 class Checker {
  public:
@@ -106,8 +115,10 @@ class Checker {
 void Checker::checkObject(const Json& object, const Place& place, std::span<const Rule> rules) const {
   for (const Rule& rule : rules) {
     const Json* value = member(object, rule.key);
-    if (value) checkMember(*value, place.child(rule.key), rule);
-    else if (rule.required) throw broken(place, fmt::format("has no \"{}\"", rule.key), rule.code);
+    if (value)
+      checkMember(*value, place.child(rule.key), rule);
+    else if (rule.required)
+      throw broken(place, fmt::format("has no \"{}\"", rule.key), rule.code);
   }
 }
 
@@ -115,7 +126,8 @@ void Checker::checkIndex(const Json& value, const Place& place, const Rule& rule
   if (!value.is_number_integer()) throw broken(place, "is not an index", "LMC_REFERENCE");
   const std::size_t count = array(rule.of).size();
   if (!value.is_number_unsigned() || value.get<std::uint64_t>() >= count)
-    throw broken(place, fmt::format("points to {} {}, there are {}", rule.of.substr(rule.of.rfind('/') + 1), value.dump(), count), "LMC_REFERENCE");
+    throw broken(place, fmt::format("points to {} {}, there are {}", rule.of.substr(rule.of.rfind('/') + 1), value.dump(), count),
+                 "LMC_REFERENCE");
 }
 
 void Checker::checkInteger(const Json& value, const Place& place, const Rule& rule) const {
@@ -127,16 +139,20 @@ void Checker::checkNumber(const Json& value, const Place& place, const Rule& rul
   if (!value.is_number()) throw broken(place, "is not a number", rule.code);
   const double number = value.get<double>();
   if (!(number >= rule.low && number <= rule.high) || !std::isfinite(number))
-    throw broken(place, number < rule.low ? fmt::format("is {}, the least is {:g}", value.dump(), rule.low)
-                                          : fmt::format("is {}, the most is {:g}", value.dump(), rule.high),
+    throw broken(place,
+                 number < rule.low ? fmt::format("is {}, the least is {:g}", value.dump(), rule.low)
+                                   : fmt::format("is {}, the most is {:g}", value.dump(), rule.high),
                  rule.code);
 }
 
 void Checker::checkMember(const Json& value, const Place& place, const Rule& rule) const {
   switch (rule.is) {
-    case Is::Index: return checkIndex(value, place, rule);
-    case Is::Integer: return checkInteger(value, place, rule);
-    case Is::Number: return checkNumber(value, place, rule);
+    case Is::Index:
+      return checkIndex(value, place, rule);
+    case Is::Integer:
+      return checkInteger(value, place, rule);
+    case Is::Number:
+      return checkNumber(value, place, rule);
     case Is::Text:
       if (!value.is_string()) throw broken(place, "is not a string", rule.code);
       return;
@@ -146,7 +162,8 @@ void Checker::checkMember(const Json& value, const Place& place, const Rule& rul
     case Is::Object:
       if (!value.is_object()) throw broken(place, "is not an object", rule.code);
       return checkObject(value, place, rule.rules);
-    default: break;
+    default:
+      break;
   }
   if (!value.is_array()) throw broken(place, "is not an array", rule.code);
   if (rule.length != 0 && value.size() != rule.length)
@@ -200,8 +217,8 @@ void Checker::extensions() const {
     const auto known = find(name);
     required.insert(name);
     if (known == std::end(kExtensions))
-      throw Error(Exit::Unsupported, file_, requiredPlace.child(i).text(), fmt::format("the level requires {}, which lmc does not know", name),
-                  "LMC_EXTENSION");
+      throw Error(Exit::Unsupported, file_, requiredPlace.child(i).text(),
+                  fmt::format("the level requires {}, which lmc does not know", name), "LMC_EXTENSION");
     if (known->use == Use::Refused)
       throw Error(Exit::Unsupported, file_, requiredPlace.child(i).text(), fmt::format("the level requires {}: {}", name, known->words),
                   "LMC_EXTENSION");
@@ -210,7 +227,7 @@ void Checker::extensions() const {
   }
   for (const Json& json : array("extensionsUsed")) {
     const auto& name = json.get_ref<const std::string&>();
-    if (used.erase(name) == 0) continue;   // listed twice
+    if (used.erase(name) == 0) continue;  // listed twice
     const auto known = find(name);
     const bool read = known != std::end(kExtensions) && known->use == Use::Read;
     const bool notDiffuse = known != std::end(kExtensions) && known->use == Use::NotDiffuse;
@@ -231,7 +248,8 @@ void Checker::views() const {
     const std::uint64_t buffer = array("buffers")[view["buffer"].get<std::size_t>()]["byteLength"].get<std::uint64_t>();
     const std::uint64_t offset = integer(view, "byteOffset", 0), length = integer(view, "byteLength", 0);
     if (offset > buffer || length > buffer - offset)
-      throw broken(place, fmt::format("{} bytes from byte {} pass the end of its buffer of {} bytes", length, offset, buffer), "LMC_BUFFER_VIEW");
+      throw broken(place, fmt::format("{} bytes from byte {} pass the end of its buffer of {} bytes", length, offset, buffer),
+                   "LMC_BUFFER_VIEW");
     if (integer(view, "byteStride", 4) % 4 != 0)
       throw broken(place.child("byteStride"), fmt::format("is {}, not a multiple of 4", view["byteStride"].dump()), "LMC_STRIDE");
   }
@@ -249,18 +267,22 @@ void Checker::accessors() const {
     const Json& accessor = array("accessors")[i];
     const Place place = list.child(i);
     const int component = componentBytes(accessor["componentType"].get<std::int64_t>());
-    if (component == 0) throw broken(place.child("componentType"), fmt::format("{} is none", accessor["componentType"].dump()), "LMC_ACCESSOR_TYPE");
+    if (component == 0)
+      throw broken(place.child("componentType"), fmt::format("{} is none", accessor["componentType"].dump()), "LMC_ACCESSOR_TYPE");
     const auto type = std::ranges::find(kTypes, std::string_view(accessor["type"].get_ref<const std::string&>()), &ElementType::name);
-    if (type == std::end(kTypes)) throw broken(place.child("type"), fmt::format("{} is none", accessor["type"].dump()), "LMC_ACCESSOR_TYPE");
+    if (type == std::end(kTypes))
+      throw broken(place.child("type"), fmt::format("{} is none", accessor["type"].dump()), "LMC_ACCESSOR_TYPE");
     const std::uint64_t size = elementBytes(*type, component), count = accessor["count"].get<std::uint64_t>();
     const std::uint64_t offset = integer(accessor, "byteOffset", 0);
     if (const Json* viewIndex = member(accessor, "bufferView")) {
       const Json& view = array("bufferViews")[viewIndex->get<std::size_t>()];
       const std::uint64_t length = integer(view, "byteLength", 0), stride = integer(view, "byteStride", size);
-      if (stride < size) throw broken(place, fmt::format("its view's stride of {} is less than an element of {} bytes", stride, size), "LMC_STRIDE");
+      if (stride < size)
+        throw broken(place, fmt::format("its view's stride of {} is less than an element of {} bytes", stride, size), "LMC_STRIDE");
       // offset + stride (count - 1) + size <= length, with nothing that can overflow
       if (offset > length || size > length - offset || count - 1 > (length - offset - size) / stride)
-        throw broken(place, fmt::format("{} elements from byte {} pass the end of its view of {} bytes", count, offset, length), "LMC_ACCESSOR_RANGE");
+        throw broken(place, fmt::format("{} elements from byte {} pass the end of its view of {} bytes", count, offset, length),
+                     "LMC_ACCESSOR_RANGE");
       if ((offset + integer(view, "byteOffset", 0)) % std::uint64_t(component) != 0 || offset % std::uint64_t(component) != 0)
         throw broken(place, fmt::format("starts at no multiple of its {}-byte components", component), "LMC_ALIGNMENT");
     } else if (count > kMaxZeroElements) {
@@ -298,7 +320,8 @@ void Checker::attribute(const Json& attributes, const Place& place, const Attrib
   const Place at = place.child(rule.name);
   const Json& accessor = array("accessors")[index->get<std::size_t>()];
   const auto& type = accessor["type"].get_ref<const std::string&>();
-  if (rule.types.find(type) == std::string_view::npos) throw broken(at, fmt::format("its accessor is {}, not {}", type, rule.types), "LMC_ACCESSOR_TYPE");
+  if (rule.types.find(type) == std::string_view::npos)
+    throw broken(at, fmt::format("its accessor is {}, not {}", type, rule.types), "LMC_ACCESSOR_TYPE");
   const auto& used = array("extensionsUsed");
   const bool quantized = std::any_of(used.begin(), used.end(), [](const Json& name) { return name == "KHR_mesh_quantization"; });
   if ((componentBit(accessor["componentType"].get<std::int64_t>()) & (quantized ? rule.quantized : rule.components)) == 0)
@@ -354,8 +377,10 @@ void Checker::images() const {
     const Place place = list.child(i);
     if (member(image, "uri") && member(image, "bufferView")) throw broken(place, "has both uri and bufferView", "LMC_JSON_SCHEMA");
     // Pictures that no diffuse light depends on are never opened; where they lie is judged all the same.
-    if (const Json* uri = member(image, "uri")) checkUri(file_, uri->get_ref<const std::string&>(), place.child("uri").text());
-    else if (!member(image, "bufferView")) throw broken(place, "has neither uri nor bufferView", "LMC_JSON_SCHEMA");
+    if (const Json* uri = member(image, "uri"))
+      checkUri(file_, uri->get_ref<const std::string&>(), place.child("uri").text());
+    else if (!member(image, "bufferView"))
+      throw broken(place, "has neither uri nor bufferView", "LMC_JSON_SCHEMA");
   }
 }
 
@@ -364,7 +389,8 @@ void Checker::transform(const Json& node, const Place& place) const {
   if (const Json* rotation = member(node, "rotation")) {
     double square = 0.0;
     for (const Json& v : *rotation) square += v.get<double>() * v.get<double>();
-    if (!(square > 1e-12) || !std::isfinite(square)) throw broken(place.child("rotation"), "is no rotation: its length is 0", "LMC_ROTATION");
+    if (!(square > 1e-12) || !std::isfinite(square))
+      throw broken(place.child("rotation"), "is no rotation: its length is 0", "LMC_ROTATION");
   }
   if (!matrix) return;
   for (const char* other : {"translation", "rotation", "scale"})
@@ -378,7 +404,8 @@ void Checker::transform(const Json& node, const Place& place) const {
 void Checker::instancing(const Json& node, const Place& place) const {
   const Json* json = extension(node, "EXT_mesh_gpu_instancing");
   if (!json) return;
-  const Place extensionsPlace = place.child("extensions"), own = extensionsPlace.child("EXT_mesh_gpu_instancing"), at = own.child("attributes");
+  const Place extensionsPlace = place.child("extensions"), own = extensionsPlace.child("EXT_mesh_gpu_instancing"),
+              at = own.child("attributes");
   const Json& attributes = (*json)["attributes"];
   std::uint64_t count = 0;
   for (const auto& [key, type, components] : {std::tuple("TRANSLATION", "VEC3", 32u), {"ROTATION", "VEC4", 37u}, {"SCALE", "VEC3", 32u}}) {
@@ -438,7 +465,8 @@ void Checker::tree() const {
     std::unordered_set<std::size_t> seen;
     for (std::size_t i = 0; nodesOfScene && i < nodesOfScene->size(); ++i) {
       const auto n = (*nodesOfScene)[i].get<std::size_t>();
-      if (parent[n] != kRoot) throw broken(roots.child(i), fmt::format("node {} is no root, it is a child of node {}", n, parent[n]), "LMC_NODE_PARENTS");
+      if (parent[n] != kRoot)
+        throw broken(roots.child(i), fmt::format("node {} is no root, it is a child of node {}", n, parent[n]), "LMC_NODE_PARENTS");
       if (!seen.insert(n).second) throw broken(roots.child(i), fmt::format("node {} stands twice in the scene", n), "LMC_NODE_PARENTS");
     }
   }
@@ -454,7 +482,8 @@ void Checker::lights() const {
     const auto& type = light["type"].get_ref<const std::string&>();
     if (type != "point" && type != "spot" && type != "directional")
       throw broken(place.child("type"), fmt::format("{} is no kind of light", light["type"].dump()), "LMC_LIGHT_TYPE");
-    if (const Json* range = member(light, "range"); range && range->get<double>() == 0.0) throw broken(place.child("range"), "is 0", "LMC_LIGHT_RANGE");
+    if (const Json* range = member(light, "range"); range && range->get<double>() == 0.0)
+      throw broken(place.child("range"), "is 0", "LMC_LIGHT_RANGE");
     const Json* spot = member(light, "spot");
     if (type == "spot" && !spot) throw broken(place, "a spot light without \"spot\"", "LMC_SPOT_ANGLES");
     if (spot && type == "spot") {
@@ -466,7 +495,8 @@ void Checker::lights() const {
 }
 
 void Checker::allExtras() const {
-  for (const auto& [name, rules] : {std::pair<std::string_view, std::span<const Rule>>("scenes", kSceneLmcRules), {"nodes", kNodeLmcRules}}) {
+  for (const auto& [name, rules] :
+       {std::pair<std::string_view, std::span<const Rule>>("scenes", kSceneLmcRules), {"nodes", kNodeLmcRules}}) {
     const Place list = root_.child(name);
     for (std::size_t i = 0; i < array(name).size(); ++i) checkExtras(array(name)[i], list.child(i), rules);
   }
@@ -502,7 +532,8 @@ std::uint64_t instanceCount(const Json& node, const Json& gltf) {
   const Json* instancing = extension(node, "EXT_mesh_gpu_instancing");
   if (!instancing) return 1;
   for (const char* key : {"TRANSLATION", "ROTATION", "SCALE"})
-    if (const Json* accessor = member((*instancing)["attributes"], key)) return gltf["accessors"][accessor->get<std::size_t>()]["count"].get<std::uint64_t>();
+    if (const Json* accessor = member((*instancing)["attributes"], key))
+      return gltf["accessors"][accessor->get<std::size_t>()]["count"].get<std::uint64_t>();
   return 0;
 }
 

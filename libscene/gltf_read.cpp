@@ -1,4 +1,4 @@
-#include <fstream>   // tiny_gltf.h forgets it with TINYGLTF_NO_FS
+#include <fstream>  // tiny_gltf.h forgets it with TINYGLTF_NO_FS
 #define TINYGLTF_IMPLEMENTATION
 #include "libscene/gltf_read.h"
 
@@ -28,7 +28,7 @@ constexpr std::uint32_t kBinChunk = 0x004e4942u;   // "BIN\0"
 // Ordered objects find a member by looking at each: more than this in one object is quadratic work and no level.
 constexpr std::size_t kMaxMembers = 8192;
 
-constexpr std::uint64_t kMaxZeroBytes = 1u << 24;   // of a buffer that the file does not give
+constexpr std::uint64_t kMaxZeroBytes = 1u << 24;  // of a buffer that the file does not give
 
 struct Descriptor {
   int fd = -1;
@@ -43,7 +43,7 @@ struct Descriptor {
 /// Who asks for a file, for the message.
 struct Asker {
   const fs::path& level;
-  std::string where;   ///< empty for the level itself
+  std::string where;  ///< empty for the level itself
 };
 
 Error cannotRead(const Asker& asker, const fs::path& path, int error) {
@@ -144,10 +144,12 @@ Container splitContainer(std::span<const std::uint8_t> bytes, const fs::path& le
   const bool namedGlb = level.extension() == ".glb";
   const auto first = std::find_if(bytes.begin(), bytes.end(), [](std::uint8_t c) { return !std::strchr(" \t\r\n\xef\xbb\xbf", c); });
   if (first == bytes.end() || *first != '{')
-    throw Error(Exit::Broken, level, "", bytes.empty() ? "the file is empty" : namedGlb ? "not a GLB file" : "neither GLB nor a JSON object",
+    throw Error(Exit::Broken, level, "",
+                bytes.empty() ? "the file is empty"
+                : namedGlb    ? "not a GLB file"
+                              : "neither GLB nor a JSON object",
                 namedGlb ? "LMC_GLB" : "LMC_JSON");
-  if (namedGlb)
-    run.note({.file = level.string(), .where = "", .text = "the name says GLB, the file is glTF text", .code = "LMC_GLB"});
+  if (namedGlb) run.note({.file = level.string(), .where = "", .text = "the name says GLB, the file is glTF text", .code = "LMC_GLB"});
   Container out;
   out.json = bytes;
   return out;
@@ -229,14 +231,16 @@ void readBuffers(GltfFile& file, const Container& container, const LoadLimits& l
       bytes = uriBytes(file, uri->get_ref<const std::string&>(), where + "/uri", limits);
     } else if (i == 0 && container.hasBin) {
       if (container.bin.size() < length)
-        throw Error(Exit::Broken, file.path, where, fmt::format("says {} bytes, the BIN chunk has {}", length, container.bin.size()), "LMC_GLB");
+        throw Error(Exit::Broken, file.path, where, fmt::format("says {} bytes, the BIN chunk has {}", length, container.bin.size()),
+                    "LMC_GLB");
       bytes.assign(container.bin.begin(), container.bin.begin() + std::ptrdiff_t(length));
     } else if (i == 0 && container.isGlb) {
       throw Error(Exit::Broken, file.path, where, "has neither a uri nor a BIN chunk", "LMC_GLB");
     } else if (length > kMaxZeroBytes) {
       throw Error(Exit::Broken, file.path, where, fmt::format("has no uri, which would mean {} zeros", length), "LMC_MEMORY_LIMIT");
     } else {
-      run.warn({.file = file.path.string(), .where = where, .text = "has no uri: its bytes are taken as zeros", .code = "LMC_BUFFER_LENGTH"});
+      run.warn(
+          {.file = file.path.string(), .where = where, .text = "has no uri: its bytes are taken as zeros", .code = "LMC_BUFFER_LENGTH"});
     }
     if (!bytes.empty() && bytes.size() < length)
       throw Error(Exit::Broken, file.path, where, fmt::format("says {} bytes, there are {}", length, bytes.size()), "LMC_BUFFER_LENGTH");
@@ -332,7 +336,8 @@ std::string checkJsonText(std::string_view text, int maxDepth, const fs::path& f
         if (level.keys.size() > kMaxMembers) throw broken(i, fmt::format("an object with more than {} members", kMaxMembers));
         break;
       }
-      default: break;
+      default:
+        break;
     }
   }
   return twice;
@@ -350,8 +355,10 @@ void checkUri(const fs::path& level, std::string_view uri, std::string_view wher
   if (name.starts_with('/')) throw refuse("the URI is an absolute path", "LMC_URI_ESCAPE");
   int depth = 0;
   for (const fs::path& part : fs::path(name)) {
-    if (part == "..") --depth;
-    else if (part != "." && !part.empty()) ++depth;
+    if (part == "..")
+      --depth;
+    else if (part != "." && !part.empty())
+      ++depth;
     if (depth < 0) throw refuse("the URI leaves the folder of the level", "LMC_URI_ESCAPE");
   }
 }
@@ -422,7 +429,8 @@ std::vector<std::uint8_t> imageBytes(GltfFile& file, std::size_t image, const Lo
     return uriBytes(file, uri->get_ref<const std::string&>(), fmt::format("/images/{}/uri", image), limits);
   const Json& view = file.json["bufferViews"][json["bufferView"].get<std::size_t>()];
   const std::vector<std::uint8_t>& buffer = file.buffers[view["buffer"].get<std::size_t>()];
-  if (buffer.empty()) throw Error(Exit::Broken, file.path, fmt::format("/images/{}", image), "its buffer has no bytes", "LMC_BUFFER_LENGTH");
+  if (buffer.empty())
+    throw Error(Exit::Broken, file.path, fmt::format("/images/{}", image), "its buffer has no bytes", "LMC_BUFFER_LENGTH");
   const auto offset = std::ptrdiff_t(view.value("byteOffset", std::uint64_t(0)));
   return {buffer.begin() + offset, buffer.begin() + offset + std::ptrdiff_t(view["byteLength"].get<std::uint64_t>())};
 }

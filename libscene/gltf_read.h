@@ -29,11 +29,11 @@ inline constexpr double kMaxLight = 1.0e18;
 
 /// What is known of a level before any of it is converted.
 struct GltfFile {
-  std::filesystem::path path;                         ///< as the user named it
-  Json json;                                          ///< checked
-  std::vector<std::vector<std::uint8_t>> buffers;     ///< byteLength bytes each; empty where the file gives none
-  std::vector<std::filesystem::path> inputs;          ///< every file read so far, each once
-  std::uint64_t bytesRead = 0;                        ///< of all of them
+  std::filesystem::path path;                      ///< as the user named it
+  Json json;                                       ///< checked
+  std::vector<std::vector<std::uint8_t>> buffers;  ///< byteLength bytes each; empty where the file gives none
+  std::vector<std::filesystem::path> inputs;       ///< every file read so far, each once
+  std::uint64_t bytesRead = 0;                     ///< of all of them
 };
 
 /// Container, JSON, checks, buffers. Throws Error.

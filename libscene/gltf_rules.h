@@ -11,9 +11,9 @@
 namespace lmc::rules {
 
 inline constexpr double kInf = std::numeric_limits<double>::infinity();
-inline constexpr double kMaxInt = 2147483647.0;         // tinygltf keeps indices and counts in an int
-inline constexpr double kMaxBytes = 9007199254740992.0; // 2^53: sums of two such numbers cannot overflow 64 bits
-inline constexpr double kMaxColor = 1.001;              // exporters write 1.0000001; anything more makes light from nothing
+inline constexpr double kMaxInt = 2147483647.0;          // tinygltf keeps indices and counts in an int
+inline constexpr double kMaxBytes = 9007199254740992.0;  // 2^53: sums of two such numbers cannot overflow 64 bits
+inline constexpr double kMaxColor = 1.001;               // exporters write 1.0000001; anything more makes light from nothing
 
 enum class Is { Index, Integer, Number, Text, Flag, Numbers, Indices, Texts, Object, Array };
 
@@ -21,17 +21,17 @@ enum class Is { Index, Integer, Number, Text, Flag, Numbers, Indices, Texts, Obj
 struct Rule {
   std::string_view key;
   Is is;
-  std::string_view code = "LMC_JSON_SCHEMA";   ///< for a wrong type, length or range
+  std::string_view code = "LMC_JSON_SCHEMA";  ///< for a wrong type, length or range
   bool required = false;
-  double low = -kInf, high = kInf;             ///< Integer, Number, each of Numbers
-  std::size_t length = 0;                      ///< of Numbers
-  std::string_view of = {};                    ///< Index, Indices: array of the file that they point into
-  std::span<const Rule> rules = {};            ///< Object; each object of an Array
+  double low = -kInf, high = kInf;   ///< Integer, Number, each of Numbers
+  std::size_t length = 0;            ///< of Numbers
+  std::string_view of = {};          ///< Index, Indices: array of the file that they point into
+  std::span<const Rule> rules = {};  ///< Object; each object of an Array
 };
 
 inline constexpr std::string_view kLightCode = "LMC_LIGHT_INTENSITY";
 inline constexpr std::string_view kSpotCode = "LMC_SPOT_ANGLES";
-inline constexpr double kHalfPi = std::numbers::pi / 2 + 1e-6;   // single precision pi/2 lies above it
+inline constexpr double kHalfPi = std::numbers::pi / 2 + 1e-6;  // single precision pi/2 lies above it
 
 inline constexpr Rule kTransformRules[] = {
     {.key = "offset", .is = Is::Numbers, .low = -1e6, .high = 1e6, .length = 2},
@@ -107,7 +107,8 @@ inline constexpr Rule kImageRules[] = {
     {.key = "bufferView", .is = Is::Index, .of = "bufferViews"},
     {.key = "mimeType", .is = Is::Text},
 };
-inline constexpr Rule kTextureRules[] = {{.key = "source", .is = Is::Index, .of = "images"}, {.key = "sampler", .is = Is::Index, .of = "samplers"}};
+inline constexpr Rule kTextureRules[] = {{.key = "source", .is = Is::Index, .of = "images"},
+                                         {.key = "sampler", .is = Is::Index, .of = "samplers"}};
 inline constexpr Rule kSamplerRules[] = {
     {.key = "magFilter", .is = Is::Integer}, {.key = "wrapS", .is = Is::Integer}, {.key = "wrapT", .is = Is::Integer}};
 inline constexpr Rule kPrimitiveRules[] = {
@@ -118,7 +119,7 @@ inline constexpr Rule kPrimitiveRules[] = {
     {.key = "targets", .is = Is::Array},
 };
 inline constexpr Rule kMeshRules[] = {{.key = "name", .is = Is::Text},
-                               {.key = "primitives", .is = Is::Array, .required = true, .rules = kPrimitiveRules}};
+                                      {.key = "primitives", .is = Is::Array, .required = true, .rules = kPrimitiveRules}};
 inline constexpr Rule kNodeLightRules[] = {
     {.key = "light", .is = Is::Index, .required = true, .of = "/extensions/KHR_lights_punctual/lights"}};
 inline constexpr Rule kInstancingAttributes[] = {
@@ -162,7 +163,7 @@ inline constexpr Rule kNodeLmcRules[] = {
     {.key = "texelsPerMetre", .is = Is::Number, .low = 0},
 };
 inline constexpr Rule kAttenuationRules[] = {
-    {.key = "constant", .is = Is::Number, .low = 0}, {.key = "linear", .is = Is::Number, .low = 0},
+    {.key = "constant", .is = Is::Number, .low = 0},  {.key = "linear", .is = Is::Number, .low = 0},
     {.key = "quadratic", .is = Is::Number, .low = 0}, {.key = "range", .is = Is::Number, .code = "LMC_LIGHT_RANGE", .low = 0},
     {.key = "power", .is = Is::Number, .low = 0},
 };
@@ -190,7 +191,8 @@ inline constexpr Rule kLightRules[] = {
 };
 inline constexpr Rule kLightsRules[] = {{.key = "lights", .is = Is::Array, .required = true, .rules = kLightRules}};
 inline constexpr Rule kRootExtensions[] = {{.key = "KHR_lights_punctual", .is = Is::Object, .rules = kLightsRules}};
-inline constexpr Rule kPerspectiveRules[] = {{.key = "yfov", .is = Is::Number, .required = true, .low = 0}, {.key = "znear", .is = Is::Number, .required = true}};
+inline constexpr Rule kPerspectiveRules[] = {{.key = "yfov", .is = Is::Number, .required = true, .low = 0},
+                                             {.key = "znear", .is = Is::Number, .required = true}};
 inline constexpr Rule kCameraRules[] = {
     {.key = "name", .is = Is::Text},
     {.key = "type", .is = Is::Text, .required = true},
@@ -265,7 +267,8 @@ struct ElementType {
   std::string_view name;
   int columns, rows;
 };
-inline constexpr ElementType kTypes[] = {{"SCALAR", 1, 1}, {"VEC2", 1, 2}, {"VEC3", 1, 3}, {"VEC4", 1, 4}, {"MAT2", 2, 2}, {"MAT3", 3, 3}, {"MAT4", 4, 4}};
+inline constexpr ElementType kTypes[] = {{"SCALAR", 1, 1}, {"VEC2", 1, 2}, {"VEC3", 1, 3}, {"VEC4", 1, 4},
+                                         {"MAT2", 2, 2},   {"MAT3", 3, 3}, {"MAT4", 4, 4}};
 
 /// Which component types an attribute may have; with KHR_mesh_quantization more. Bits: 1 signed byte, 2 byte, 4 short,
 /// 8 unsigned short, 16 unsigned int, 32 float.
@@ -274,12 +277,8 @@ struct AttributeRule {
   unsigned components, quantized;
 };
 inline constexpr AttributeRule kAttributes[] = {
-    {"POSITION", "VEC3", 32, 32 | 15},
-    {"NORMAL", "VEC3", 32, 32 | 5},
-    {"TANGENT", "VEC4", 32, 32 | 5},
-    {"TEXCOORD_0", "VEC2", 32 | 10, 32 | 15},
-    {"TEXCOORD_1", "VEC2", 32 | 10, 32 | 15},
-    {"COLOR_0", "VEC3 VEC4", 32 | 10, 32 | 10},
+    {"POSITION", "VEC3", 32, 32 | 15},        {"NORMAL", "VEC3", 32, 32 | 5},           {"TANGENT", "VEC4", 32, 32 | 5},
+    {"TEXCOORD_0", "VEC2", 32 | 10, 32 | 15}, {"TEXCOORD_1", "VEC2", 32 | 10, 32 | 15}, {"COLOR_0", "VEC3 VEC4", 32 | 10, 32 | 10},
 };
 
 }  // namespace lmc::rules

@@ -15,7 +15,7 @@ namespace {
 // A picture of one colour shrinks a thousandfold; only where it is large as well is that a trap. 2^26 texels are 8192 x 8192.
 constexpr std::uint64_t kBombPixels = std::uint64_t(1) << 26;
 constexpr std::uint64_t kBombRatio = 200;
-constexpr std::size_t kMaxPngChunk = 8 << 20;   // of memory for one ancillary chunk
+constexpr std::size_t kMaxPngChunk = 8 << 20;  // of memory for one ancillary chunk
 
 DecodedImage problem(std::string text, std::string code) {
   DecodedImage out;
@@ -27,7 +27,8 @@ std::optional<ImageProblem> sizeProblem(std::uint64_t width, std::uint64_t heigh
                                         std::uint64_t maxPixels) {
   if (width == 0 || height == 0) return ImageProblem{fmt::format("the picture has {} x {} texels", width, height), "LMC_TEXTURE_BAD"};
   if (width > maxPixels / height)
-    return ImageProblem{fmt::format("the picture says {} x {} texels, the limit is {} in all", width, height, maxPixels), "LMC_TEXTURE_TOO_LARGE"};
+    return ImageProblem{fmt::format("the picture says {} x {} texels, the limit is {} in all", width, height, maxPixels),
+                        "LMC_TEXTURE_TOO_LARGE"};
   const std::uint64_t pixels = width * height;
   if (pixels > kBombPixels && pixels * bytesAPixel / kBombRatio > fileBytes)
     return ImageProblem{fmt::format("{} x {} texels from {} bytes: a picture made to fill the memory", width, height, fileBytes),
@@ -44,7 +45,7 @@ struct PngJob {
   png_infop info = nullptr;
   DecodedImage result;
   std::vector<std::uint8_t> row;
-  std::string text;   ///< of the error
+  std::string text;  ///< of the error
   bool damaged = false;
 
   ~PngJob() { png_destroy_read_struct(&png, &info, nullptr); }
@@ -73,14 +74,14 @@ std::optional<ImageProblem> pngHeaderProblem(std::span<const std::uint8_t> bytes
     return std::uint64_t(bytes[at]) << 24 | std::uint64_t(bytes[at + 1]) << 16 | std::uint64_t(bytes[at + 2]) << 8 | bytes[at + 3];
   };
   if (bytes.size() < 33 || std::memcmp(bytes.data() + 12, "IHDR", 4) != 0) return ImageProblem{"the PNG has no header", "LMC_TEXTURE_BAD"};
-  static constexpr int kChannels[8] = {1, 0, 3, 1, 2, 0, 4, 0};   // by colour type
+  static constexpr int kChannels[8] = {1, 0, 3, 1, 2, 0, 4, 0};  // by colour type
   const std::uint64_t bits = std::uint64_t(bytes[24]) * std::uint64_t(kChannels[bytes[25] & 7]);
   return sizeProblem(number(16), number(20), std::max<std::uint64_t>(1, bits / 8), bytes.size(), maxPixels);
 }
 
 void setUpPng(PngJob& job) {
   png_set_read_fn(job.png, &job, pngRead);
-  png_set_user_limits(job.png, 0x7fffffff, 0x7fffffff);   // judged above, by area
+  png_set_user_limits(job.png, 0x7fffffff, 0x7fffffff);  // judged above, by area
   png_set_chunk_malloc_max(job.png, kMaxPngChunk);
   png_set_crc_action(job.png, PNG_CRC_WARN_USE, PNG_CRC_QUIET_USE);
   // Texts, profiles and dates are other people's business, and their warnings too.
@@ -128,7 +129,7 @@ DecodedImage decodePng(std::span<const std::uint8_t> bytes, std::uint64_t maxPix
 // ---- JPEG
 
 struct JpegJob {
-  jpeg_error_mgr errors{};   // first, so that libjpeg's pointer to it is a pointer to the job
+  jpeg_error_mgr errors{};  // first, so that libjpeg's pointer to it is a pointer to the job
   std::jmp_buf leave;
   jpeg_decompress_struct jpeg{};
   DecodedImage result;
@@ -148,7 +149,7 @@ void jpegFailed(j_common_ptr jpeg) {
 }
 
 void jpegWarned(j_common_ptr jpeg, int level) {
-  if (level >= 0) return;   // a trace
+  if (level >= 0) return;  // a trace
   auto& job = *reinterpret_cast<JpegJob*>(jpeg->err);
   char text[JMSG_LENGTH_MAX];
   jpeg->err->format_message(jpeg, text);
@@ -185,7 +186,7 @@ DecodedImage decodeJpeg(std::span<const std::uint8_t> bytes, std::uint64_t maxPi
     return problem(bad->text, bad->code);
   if (job.jpeg.num_components == 4) return problem("a CMYK JPEG, which glTF does not know", "LMC_TEXTURE_TYPE");
   job.jpeg.out_color_space = JCS_RGB;
-  job.jpeg.dct_method = JDCT_ISLOW;   // the accurate one, and the same on every machine
+  job.jpeg.dct_method = JDCT_ISLOW;  // the accurate one, and the same on every machine
   decodeJpegBody(job);
   return std::move(job.result);
 }

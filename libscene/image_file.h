@@ -2,11 +2,11 @@
 /// PNG and JPEG (libpng, libjpeg-turbo only in image_file.cpp). Sizes are checked on the header before anything is decoded.
 #include <cstddef>
 #include <cstdint>
+#include <glm/gtc/type_precision.hpp>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
-#include <glm/gtc/type_precision.hpp>
 
 #include "libscene/image.h"
 

@@ -22,7 +22,9 @@ namespace {
 constexpr double kUnitQuaternion = 0.01;      // exporters round to five digits; a hundredth is no rounding
 constexpr std::size_t kMaxPathLength = 1024;  // of an object, in bytes; deeper ones are cut in front
 
-glm::dvec3 vec3(const std::vector<double>& v, double fallback) { return v.size() == 3 ? glm::dvec3(v[0], v[1], v[2]) : glm::dvec3(fallback); }
+glm::dvec3 vec3(const std::vector<double>& v, double fallback) {
+  return v.size() == 3 ? glm::dvec3(v[0], v[1], v[2]) : glm::dvec3(fallback);
+}
 
 glm::dmat4 trs(glm::dvec3 translation, glm::dquat rotation, glm::dvec3 scale) {
   glm::dmat4 m = glm::mat4_cast(glm::normalize(rotation));
@@ -34,7 +36,7 @@ glm::dmat4 trs(glm::dvec3 translation, glm::dquat rotation, glm::dvec3 scale) {
 /// What a node hands down to its children.
 struct Inherited {
   glm::dmat4 world{1.0};
-  bool visible = true, moving = false;   ///< KHR_node_visibility; an animation moves it
+  bool visible = true, moving = false;  ///< KHR_node_visibility; an animation moves it
   bool isStatic = true, receive = true, cast = true;
   double texelsPerMetre = 0.0;
 };
@@ -88,15 +90,15 @@ class Loader {
   GltfFile file_;
   tinygltf::Model model_;
   Scene scene_;
-  std::vector<Visit> visits_;                       ///< nodes of the scene, parents first, in the order of the file
+  std::vector<Visit> visits_;  ///< nodes of the scene, parents first, in the order of the file
   std::vector<std::uint32_t> parentOf_;
-  std::vector<bool> animated_;                      ///< by a channel that targets this very node
-  std::vector<std::uint32_t> meshNodes_;            ///< into visits_
-  std::vector<bool> lightMoves_;                    ///< its numbers are animated
-  bool restPose_ = false;                           ///< nothing but dynamic meshes: they are baked as they stand
-  std::vector<glm::dvec3> world_m_;                 ///< of each vertex, not recentred
-  std::vector<std::uint32_t> useOf_;                ///< nodes still to come that show this mesh
-  std::unordered_map<std::uint64_t, Part> parts_;   ///< decoded primitives that are still needed
+  std::vector<bool> animated_;                     ///< by a channel that targets this very node
+  std::vector<std::uint32_t> meshNodes_;           ///< into visits_
+  std::vector<bool> lightMoves_;                   ///< its numbers are animated
+  bool restPose_ = false;                          ///< nothing but dynamic meshes: they are baked as they stand
+  std::vector<glm::dvec3> world_m_;                ///< of each vertex, not recentred
+  std::vector<std::uint32_t> useOf_;               ///< nodes still to come that show this mesh
+  std::unordered_map<std::uint64_t, Part> parts_;  ///< decoded primitives that are still needed
   std::unordered_set<std::string> objectPaths_, lightPaths_;
   PartReport partReport_;
   std::uint64_t flattened_ = 0, flat_ = 0, defaultMaterial_ = 0, notUnitRotations_ = 0;
@@ -137,7 +139,8 @@ std::vector<std::uint32_t> Loader::roots() {
   const Json* scenes = member(file_.json, "scenes");
   if (scenes && !scenes->empty()) {
     const Json* chosen = member(file_.json, "scene");
-    if (!chosen && scenes->size() > 1) note("/scenes", fmt::format("no default scene; the first of {} is taken", scenes->size()), "LMC_NO_SCENE");
+    if (!chosen && scenes->size() > 1)
+      note("/scenes", fmt::format("no default scene; the first of {} is taken", scenes->size()), "LMC_NO_SCENE");
     const auto index = chosen ? chosen->get<std::size_t>() : 0;
     readSceneExtras((*scenes)[index], scene_);
     const std::vector<int>& nodes = model_.scenes[index].nodes;
@@ -192,8 +195,7 @@ glm::dmat4 Loader::localMatrix(std::uint32_t node) {
   glm::dquat rotation(1.0, 0.0, 0.0, 0.0);
   if (from.rotation.size() == 4) {
     rotation = glm::dquat(from.rotation[3], from.rotation[0], from.rotation[1], from.rotation[2]);
-    if (std::abs(glm::length(rotation) - 1.0) > kUnitQuaternion)
-      ++notUnitRotations_;
+    if (std::abs(glm::length(rotation) - 1.0) > kUnitQuaternion) ++notUnitRotations_;
   }
   return trs(vec3(from.translation, 0.0), rotation, vec3(from.scale, 1.0));
 }
@@ -336,8 +338,10 @@ bool Loader::addTriangles(const Part& part, std::uint32_t firstVertex, bool mirr
     t += firstVertex;
     if (mirrored) std::swap(t.y, t.z);
     const glm::dvec3 a = world_m_[t.x], b = world_m_[t.y], c = world_m_[t.z];
-    if (glm::length(glm::cross(b - a, c - a)) >= kMinTwiceArea) scene_.triangles.push_back(t);
-    else ++partReport_.degenerate;
+    if (glm::length(glm::cross(b - a, c - a)) >= kMinTwiceArea)
+      scene_.triangles.push_back(t);
+    else
+      ++partReport_.degenerate;
   }
   scene_.triangleObject.resize(scene_.triangles.size(), std::uint32_t(scene_.objects.size()));
   return scene_.triangles.size() > before;
@@ -354,9 +358,10 @@ void Loader::checkTextureSets(const Object& object, const Part& part) const {
                   fmt::format("/materials/{}{} uses TEXCOORD_{}; only 0 and 1 are supported", object.material, slot.pointer, texture.uvSet),
                   "LMC_TEXCOORD");
     if ((texture.uvSet == 0 ? part.uv0 : part.uv1).empty())
-      throw Error(Exit::Broken, file_.path, where,
-                  fmt::format("has no TEXCOORD_{}, which its material wants at /materials/{}{}", texture.uvSet, object.material, slot.pointer),
-                  "LMC_REFERENCE");
+      throw Error(
+          Exit::Broken, file_.path, where,
+          fmt::format("has no TEXCOORD_{}, which its material wants at /materials/{}{}", texture.uvSet, object.material, slot.pointer),
+          "LMC_REFERENCE");
   }
 }
 
@@ -421,8 +426,8 @@ void Loader::addLight(const Visit& visit, std::size_t light) {
   }
   Light out = readLight(file_, light, visit.state.world, nodeWhere(visit.node), run_);
   if (!(std::max({std::abs(out.position_m.x), std::abs(out.position_m.y), std::abs(out.position_m.z)}) <= limits_.maxExtent_m))
-    throw Error(Exit::Broken, file_.path, nodeWhere(visit.node), fmt::format("the light is farther than {:g} m from the origin", limits_.maxExtent_m),
-                "LMC_EXTENT_TOO_LARGE");
+    throw Error(Exit::Broken, file_.path, nodeWhere(visit.node),
+                fmt::format("the light is farther than {:g} m from the origin", limits_.maxExtent_m), "LMC_EXTENT_TOO_LARGE");
   out.path = uniquePath(lightPaths_, pathOf(visit.node), visit.node);
   out.node = std::uint32_t(visit.node);
   scene_.lights.push_back(std::move(out));
@@ -455,14 +460,17 @@ void Loader::finishMaterials() {
   std::uint32_t clear = 0;
   for (std::size_t m = 0; m < used.size(); ++m) clear += used[m] && !scene_.materials[m].opaqueToLight();
   if (clear > 0)
-    note("", fmt::format("{} materials are blended or transmissive: they receive light, cast no shadow and reflect nothing", clear), "LMC_TRANSPARENT");
+    note("", fmt::format("{} materials are blended or transmissive: they receive light, cast no shadow and reflect nothing", clear),
+         "LMC_TRANSPARENT");
 }
 
 void Loader::report() {
   const auto count = [&](std::uint64_t n, const char* text, const char* code, bool isWarning) {
     if (n == 0) return;
-    if (isWarning) warn("", fmt::format("{} {}", n, text), code);
-    else note("", fmt::format("{} {}", n, text), code);
+    if (isWarning)
+      warn("", fmt::format("{} {}", n, text), code);
+    else
+      note("", fmt::format("{} {}", n, text), code);
   };
   count(partReport_.degenerate, "triangles have no area and are left out", "LMC_DEGENERATE_TRIANGLE", false);
   count(partReport_.normalsNotUnit, "normals are not of length 1 and are normalised", "LMC_NORMAL_NOT_UNIT", false);
@@ -470,7 +478,8 @@ void Loader::report() {
   count(flattened_, "mesh nodes are flattened by a scale of 0 or a singular matrix", "LMC_MATRIX_SINGULAR", true);
   count(notUnitRotations_, "rotations are not of length 1 and are normalised", "LMC_ROTATION", true);
   count(flat_, "primitives have no triangle with an area and are left out", "LMC_DEGENERATE_TRIANGLE", true);
-  count(defaultMaterial_, "primitives have no material: glTF's default is a metal, which reflects no diffuse light", "LMC_MATERIAL_DEFAULT", false);
+  count(defaultMaterial_, "primitives have no material: glTF's default is a metal, which reflects no diffuse light", "LMC_MATERIAL_DEFAULT",
+        false);
   count(scene_.dynamicLights, "lights are dynamic (animated or static: false) and not baked", "LMC_DYNAMIC", false);
   if (scene_.triangles.empty()) {
     warn("", "there is no triangle to bake", "LMC_NOTHING_TO_BAKE");
@@ -510,7 +519,8 @@ void Loader::countAhead() {
     }
     if (triangles > limits_.maxTriangles || objects > limits_.maxInstances)
       throw Error(Exit::Broken, file_.path, nodeWhere(node),
-                  fmt::format("the level has more than {} triangles or {} instances", limits_.maxTriangles, limits_.maxInstances), "LMC_MEMORY_LIMIT");
+                  fmt::format("the level has more than {} triangles or {} instances", limits_.maxTriangles, limits_.maxInstances),
+                  "LMC_MEMORY_LIMIT");
   }
   if (skipped > 0) note("", fmt::format("{} primitives of points or lines are left out", skipped), "LMC_MODE_SKIPPED");
   if (noPosition > 0) warn("", fmt::format("{} primitives without POSITION are left out", noPosition), "LMC_NO_POSITION");

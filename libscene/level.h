@@ -9,13 +9,13 @@ namespace lmc {
 
 /// Limits on input; each has a name in `lmc bake --help`.
 struct LoadLimits {
-  std::uint64_t maxInputBytes = std::uint64_t(8) << 30;   ///< of all files together
-  std::uint64_t maxTexturePixels = 268435456;             ///< of one picture, checked on its header
+  std::uint64_t maxInputBytes = std::uint64_t(8) << 30;  ///< of all files together
+  std::uint64_t maxTexturePixels = 268435456;            ///< of one picture, checked on its header
   int maxJsonDepth = 64;
   std::uint64_t maxNodes = 1000000;
   std::uint64_t maxInstances = 1000000;
   std::uint64_t maxTriangles = 200000000;
-  double maxExtent_m = 1.0e9;                             ///< largest distance from the origin
+  double maxExtent_m = 1.0e9;  ///< largest distance from the origin
 };
 
 /// Reads, checks and converts. Reports what is ignored through run.note, each thing once, by name.

@@ -9,7 +9,7 @@
 namespace lmc {
 namespace {
 
-constexpr double kMinAxis = 1e-150;   // below it the square of an axis' length is no number
+constexpr double kMinAxis = 1e-150;  // below it the square of an axis' length is no number
 
 glm::dvec3 rgb(const Json& object, const char* key, glm::dvec3 fallback) {
   const Json* values = member(object, key);

@@ -12,9 +12,12 @@ namespace {
 
 Wrap wrapOf(int gltf) {
   switch (gltf) {
-    case TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE: return Wrap::Clamp;
-    case TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT: return Wrap::Mirror;
-    default: return Wrap::Repeat;
+    case TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE:
+      return Wrap::Clamp;
+    case TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT:
+      return Wrap::Mirror;
+    default:
+      return Wrap::Repeat;
   }
 }
 
@@ -37,7 +40,7 @@ struct MaterialPlace {
   const GltfFile& file;
   const tinygltf::Model& model;
   const Run& run;
-  std::string where;   ///< of the material
+  std::string where;  ///< of the material
 };
 
 Texture readTexture(const MaterialPlace& place, int texture, int texCoord, const Json* info, const char* slot) {
@@ -62,7 +65,7 @@ Texture readTexture(const MaterialPlace& place, int texture, int texCoord, const
     out.transform = transformOf(*transform);
     texCoord = transform->value("texCoord", texCoord);
   }
-  out.uvSet = std::uint8_t(std::min(texCoord, 255));   // above 1 is refused where a mesh uses it
+  out.uvSet = std::uint8_t(std::min(texCoord, 255));  // above 1 is refused where a mesh uses it
   return out;
 }
 
@@ -150,8 +153,10 @@ std::vector<Image<glm::u8vec4>> decodeImages(GltfFile& file, std::vector<Materia
     for (const TextureSlot& slot : kTextureSlots) {
       Texture& texture = materials[m].*slot.texture;
       if (!texture) continue;
-      if (used[m]) texture.image = decoded(texture.image);
-      else texture = {};
+      if (used[m])
+        texture.image = decoded(texture.image);
+      else
+        texture = {};
     }
   return images;
 }

@@ -18,7 +18,7 @@ std::vector<Image<glm::u8vec4>> decodeImages(GltfFile& file, std::vector<Materia
 /// The texture slots of a material that decide about diffuse light, with their names in glTF.
 struct TextureSlot {
   const char* pointer;
-  Texture Material::* texture;
+  Texture Material::*texture;
 };
 extern const TextureSlot kTextureSlots[3];
 

@@ -11,8 +11,8 @@
 namespace lmc {
 namespace {
 
-constexpr float kMaxUv = 1.0e6f;              // a step of a float is 1/16 there: no place in a picture is left
-constexpr float kUnitTolerance = 0.1f;        // normalised bytes are off by 1 %, a normal that is off by 10 % was never one
+constexpr float kMaxUv = 1.0e6f;        // a step of a float is 1/16 there: no place in a picture is left
+constexpr float kUnitTolerance = 0.1f;  // normalised bytes are off by 1 %, a normal that is off by 10 % was never one
 
 int attribute(const tinygltf::Primitive& primitive, const char* name) {
   const auto it = primitive.attributes.find(name);
@@ -30,7 +30,7 @@ std::vector<glm::vec<N, float>> readVectors(const GltfFile& file, const tinygltf
 
 struct Place {
   const GltfFile& file;
-  std::string where;   ///< of the primitive
+  std::string where;  ///< of the primitive
   Error broken(std::string_view attributeName, std::string_view what, std::string_view code) const {
     return Error(Exit::Broken, file.path, where + std::string(attributeName), what, code);
   }
@@ -89,7 +89,7 @@ std::vector<std::uint32_t> cornersOf(const GltfFile& file, const tinygltf::Model
     for (std::size_t i = 0; i < vertices; ++i) corners[i] = std::uint32_t(i);
     return corners;
   }
-  return readIndices(file, model, primitive.indices);   // in range: checkIndexValues()
+  return readIndices(file, model, primitive.indices);  // in range: checkIndexValues()
 }
 
 glm::dvec3 twiceArea(const Part& part, glm::uvec3 t) {

@@ -20,13 +20,13 @@ struct Part {
 inline constexpr double kMinTwiceArea = std::numeric_limits<float>::min();
 
 /// What a primitive will hold, known without reading its values.
-bool hasTriangles(const tinygltf::Primitive& primitive);                    ///< mode, and POSITION is there
+bool hasTriangles(const tinygltf::Primitive& primitive);  ///< mode, and POSITION is there
 std::uint64_t triangleCount(const tinygltf::Model& model, const tinygltf::Primitive& primitive);
 
 struct PartReport {
-  std::uint64_t degenerate = 0;        ///< triangles without area, left out
-  std::uint64_t normalsRebuilt = 0;    ///< zero or not finite, made from the faces at the vertex
-  std::uint64_t normalsNotUnit = 0;    ///< length off by more than a tenth
+  std::uint64_t degenerate = 0;      ///< triangles without area, left out
+  std::uint64_t normalsRebuilt = 0;  ///< zero or not finite, made from the faces at the vertex
+  std::uint64_t normalsNotUnit = 0;  ///< length off by more than a tenth
 };
 
 /// Strips, fans and lists, indexed or not. Where normals are missing each triangle gets corners of its own and the normal of

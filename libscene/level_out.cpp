@@ -7,7 +7,7 @@
 namespace lmc {
 namespace {
 
-constexpr std::size_t kMaxGlbBytes = 0xffffffffu;   // the lengths in a GLB are 32 bit
+constexpr std::size_t kMaxGlbBytes = 0xffffffffu;  // the lengths in a GLB are 32 bit
 
 void pad(std::vector<std::uint8_t>& bytes, std::size_t to, std::uint8_t with) {
   while (bytes.size() % to != 0) bytes.push_back(with);
@@ -67,7 +67,7 @@ void embedImages(GltfFile& file, const LoadLimits& limits, std::vector<std::uint
     try {
       bytes = imageBytes(file, i, limits);
     } catch (const Error&) {
-      continue;   // loadLevel() did not need it: what the level says of it stays as it was
+      continue;  // loadLevel() did not need it: what the level says of it stays as it was
     }
     pad(bin, 4, 0);
     Json view = {{"buffer", 0}, {"byteOffset", bin.size()}, {"byteLength", bytes.size()}};
@@ -119,7 +119,7 @@ std::vector<std::uint8_t> glb(const std::string& json, const std::vector<std::ui
 std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, const LoadLimits& limits, const std::vector<NodeMap>& maps,
                                         const std::vector<std::uint32_t>& bakedLightNodes) {
   return withJsonErrors(level, [&] {
-    GltfFile file = readGltf(level, limits, Run{});   // what there is to say of it was said when it was loaded
+    GltfFile file = readGltf(level, limits, Run{});  // what there is to say of it was said when it was loaded
     for (const char* array : {"buffers", "bufferViews"})
       if (!member(file.json, array)) file.json[array] = Json::array();
     std::vector<std::uint8_t> bin = mergeBuffers(file);
@@ -127,7 +127,8 @@ std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, cons
     mark(file.json, maps, bakedLightNodes);
     if (!bin.empty()) file.json["buffers"][0]["byteLength"] = bin.size();
     // Without bytes nothing can point to buffer 0, and glTF has no empty arrays.
-    else if (file.json["buffers"].size() == 1) file.json.erase("buffers");
+    else if (file.json["buffers"].size() == 1)
+      file.json.erase("buffers");
     if (file.json["bufferViews"].empty()) file.json.erase("bufferViews");
     return glb(file.json.dump(), bin, level);
   });

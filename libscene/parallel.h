@@ -1,6 +1,6 @@
 #pragma once
-/// One loop is enough (TBB only here). It gives the same bits for any number of threads as long as f(i) writes nothing but what belongs to i; sums
-/// are added up in order afterwards.
+/// One loop is enough (TBB only here). It gives the same bits for any number of threads as long as f(i) writes nothing but what belongs to
+/// i; sums are added up in order afterwards.
 #include <tbb/blocked_range.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>

@@ -29,12 +29,25 @@ constexpr std::uint64_t hashName(std::string_view name) {
 }
 
 /// What a sequence of random numbers is for. Values are part of the results: append only.
-enum class Draw : std::uint64_t { Direct = 1, Hemisphere = 2, PatchDirect = 3, PatchSky = 4, Shoot = 5, Visibility = 6, Closure = 7, NearHit = 8 };
+enum class Draw : std::uint64_t {
+  Direct = 1,
+  Hemisphere = 2,
+  PatchDirect = 3,
+  PatchSky = 4,
+  Shoot = 5,
+  Visibility = 6,
+  Closure = 7,
+  NearHit = 8
+};
 
 namespace sobol {
 // Direction numbers in reversed bit order, so that a scramble (which works from the highest bit down) is one multiply-and-add chain.
 constexpr std::array<std::array<std::uint32_t, 32>, 4> makeDirections() {
-  struct Poly { int s; std::uint32_t a; std::uint32_t m[3]; };
+  struct Poly {
+    int s;
+    std::uint32_t a;
+    std::uint32_t m[3];
+  };
   constexpr Poly kPoly[3] = {{1, 0, {1, 0, 0}}, {2, 1, {1, 3, 0}}, {3, 1, {1, 3, 1}}};
   std::array<std::array<std::uint32_t, 32>, 4> v{};
   for (int i = 0; i < 32; ++i) v[0][i] = 1u << (31 - i);
@@ -59,7 +72,7 @@ constexpr std::uint32_t reversed(std::uint32_t x) {
   x = ((x & 0x33333333u) << 2) | ((x & 0xccccccccu) >> 2);
   return ((x & 0x55555555u) << 1) | ((x & 0xaaaaaaaau) >> 1);
 }
-using Tables = std::array<std::array<std::array<std::uint32_t, 256>, 4>, 4>;   // dimension, byte of the index, its value
+using Tables = std::array<std::array<std::array<std::uint32_t, 256>, 4>, 4>;  // dimension, byte of the index, its value
 constexpr Tables makeTables() {
   Tables t{};
   constexpr auto v = makeDirections();
@@ -99,7 +112,7 @@ class Sobol4 {
     x *= (s >> 15) | 1u;
     x ^= x * 0xb82f1e52u;
     x ^= x * 0xc7afe638u;
-    x += ((s << 16) | (s >> 16)) * 0x9e3779b1u;   // other bits of the seed: s twice would take itself out of the highest bit again
+    x += ((s << 16) | (s >> 16)) * 0x9e3779b1u;  // other bits of the seed: s twice would take itself out of the highest bit again
     x ^= x * 0x8d22f6e6u;
     return float(sobol::reversed(x) >> 8) * 0x1p-24f;
   }
@@ -107,7 +120,8 @@ class Sobol4 {
 };
 
 /// The sequence of one texel (or patch: x = its id) for one purpose; `half` numbers independent scrambles of it.
-constexpr Sobol4 sequence(std::uint64_t seed, Draw draw, std::uint64_t name, std::uint32_t map, std::uint32_t x, std::uint32_t y, std::uint32_t half) {
+constexpr Sobol4 sequence(std::uint64_t seed, Draw draw, std::uint64_t name, std::uint32_t map, std::uint32_t x, std::uint32_t y,
+                          std::uint32_t half) {
   std::uint64_t key = combine(seed, std::uint64_t(draw));
   key = combine(key, name);
   key = combine(key, (std::uint64_t(map) << 32) | half);

@@ -11,7 +11,7 @@ namespace lmc {
 
 namespace {
 
-constexpr double kMinFragment_texel2 = 1e-9;   // slivers of rounding along shared edges
+constexpr double kMinFragment_texel2 = 1e-9;  // slivers of rounding along shared edges
 constexpr double kWholeSquare = 1.0 - 1e-6;
 
 /// A triangle in texel coordinates of its map, counter-clockwise whatever the chart's mirroring.
@@ -143,14 +143,16 @@ SurfacePoint TexelSampler::at(glm::vec2 u) const {
   return facets_[std::size_t(chosen - fragments)].at(insideTriangle(chosen->bary0 + at.x * chosen->baryX + at.y * chosen->baryY));
 }
 
-TexelMap::TexelMap(const Scene& scene, const Charts& charts, int width, int height) : scene_(scene), charts_(charts), width_(width), height_(height) {
+TexelMap::TexelMap(const Scene& scene, const Charts& charts, int width, int height)
+    : scene_(scene), charts_(charts), width_(width), height_(height) {
   // Two passes over the triangles: count, then place. Triangles of a tile stay in order of their number.
   const auto forTiles = [&](auto&& f) {
     for (std::uint32_t t = 0; t < scene_.triangles.size(); ++t) {
       if (charts_.chartOf[t] == kNone) continue;
       const MapTriangle m = mapTriangle(scene_, t, width_, height_);
       const glm::dvec2 size(width_, height_);
-      const glm::dvec2 lo = glm::clamp(m.lo - double(kApron), glm::dvec2(0.0), size), hi = glm::clamp(m.hi + double(kApron), glm::dvec2(0.0), size);
+      const glm::dvec2 lo = glm::clamp(m.lo - double(kApron), glm::dvec2(0.0), size),
+                       hi = glm::clamp(m.hi + double(kApron), glm::dvec2(0.0), size);
       const int x1 = std::min(tilesX() - 1, int(hi.x) / kTile), y1 = std::min(tilesY() - 1, int(hi.y) / kTile);
       for (int y = int(lo.y) / kTile; y <= y1; ++y)
         for (int x = int(lo.x) / kTile; x <= x1; ++x) f(std::size_t(y) * std::size_t(tilesX()) + std::size_t(x), t);
@@ -182,8 +184,10 @@ TexelTile TexelMap::texels(std::size_t tileIndex) const {
   for (std::uint32_t i = first_[tileIndex]; i < first_[tileIndex + 1]; ++i) {
     const std::uint32_t t = triangles_[i];
     const MapTriangle m = mapTriangle(scene_, t, width_, height_);
-    const int x0 = std::max({int(std::floor(m.lo.x)), tile.x0 - kApron, 0}), x1 = std::min({int(std::floor(m.hi.x)), tile.x0 + tile.width - 1 + kApron, width_ - 1});
-    const int y0 = std::max({int(std::floor(m.lo.y)), tile.y0 - kApron, 0}), y1 = std::min({int(std::floor(m.hi.y)), tile.y0 + tile.height - 1 + kApron, height_ - 1});
+    const int x0 = std::max({int(std::floor(m.lo.x)), tile.x0 - kApron, 0}),
+              x1 = std::min({int(std::floor(m.hi.x)), tile.x0 + tile.width - 1 + kApron, width_ - 1});
+    const int y0 = std::max({int(std::floor(m.lo.y)), tile.y0 - kApron, 0}),
+              y1 = std::min({int(std::floor(m.hi.y)), tile.y0 + tile.height - 1 + kApron, height_ - 1});
     for (int y = y0; y <= y1; ++y) {
       row.assign({m.corner[0], m.corner[1], m.corner[2]});
       row.clip({0.0, double(y)}, {1.0, 0.0});

@@ -8,16 +8,16 @@
 
 namespace lmc {
 
-inline constexpr int kTile = 64;     ///< side of a tile [texels]; no option changes it, for results would change with it
-inline constexpr int kApron = 1;     ///< texels of the neighbours that a tile knows as well
+inline constexpr int kTile = 64;  ///< side of a tile [texels]; no option changes it, for results would change with it
+inline constexpr int kApron = 1;  ///< texels of the neighbours that a tile knows as well
 
 /// A place on a surface.
 struct SurfacePoint {
   glm::dvec3 position_m;
-  glm::dvec3 geometricNormal;   ///< unit, of the triangle, towards its front
-  glm::dvec3 normal;            ///< unit, interpolated
+  glm::dvec3 geometricNormal;  ///< unit, of the triangle, towards its front
+  glm::dvec3 normal;           ///< unit, interpolated
   std::uint32_t triangle = kNone;
-  glm::vec2 bary{0.0f};         ///< weights of the second and third corner
+  glm::vec2 bary{0.0f};  ///< weights of the second and third corner
 };
 
 /// The point with these weights of the second and third corner, all in double.
@@ -28,22 +28,22 @@ struct Fragment {
   std::uint32_t triangle = kNone;
   std::uint32_t firstCorner = 0;
   std::uint32_t cornerCount = 0;
-  double area = 0.0;                     ///< share of the texel's square
-  glm::dvec2 bary0, baryX, baryY;        ///< bary(x, y) = bary0 + x baryX + y baryY, x and y in [0, 1) of the texel
+  double area = 0.0;               ///< share of the texel's square
+  glm::dvec2 bary0, baryX, baryY;  ///< bary(x, y) = bary0 + x baryX + y baryY, x and y in [0, 1) of the texel
 };
 
 struct Texel {
   std::uint32_t firstFragment = 0, fragmentCount = 0;
   std::uint32_t chart = kNone;
-  float coverage = 0.0f;                 ///< share of the square that the chart covers; 0 = outside every chart
+  float coverage = 0.0f;  ///< share of the square that the chart covers; 0 = outside every chart
 };
 
 struct TexelTile {
-  int x0 = 0, y0 = 0;                    ///< the tile's first texel in the map
-  int width = 0, height = 0;             ///< texels of the tile itself, at most kTile
-  std::vector<Texel> texels;             ///< rows of kTile + 2 kApron, the apron included
+  int x0 = 0, y0 = 0;         ///< the tile's first texel in the map
+  int width = 0, height = 0;  ///< texels of the tile itself, at most kTile
+  std::vector<Texel> texels;  ///< rows of kTile + 2 kApron, the apron included
   std::vector<Fragment> fragments;
-  std::vector<glm::dvec2> corners;       ///< of the fragments' polygons, counter-clockwise, in [0, 1] of the texel
+  std::vector<glm::dvec2> corners;  ///< of the fragments' polygons, counter-clockwise, in [0, 1] of the texel
 
   /// x, y from -kApron to kTile - 1 + kApron.
   const Texel& at(int x, int y) const { return texels[std::size_t(y + kApron) * (kTile + 2 * kApron) + std::size_t(x + kApron)]; }
@@ -58,9 +58,9 @@ class Facet {
 
  private:
   std::uint32_t triangle_;
-  bool flat_;                            // the corners' normals are one
+  bool flat_;  // the corners' normals are one
   glm::dvec3 origin_m_, e1_m_, e2_m_, geometricNormal_;
-  glm::dvec3 n0_, n1_, n2_;              // flat: n0 is the unit normal
+  glm::dvec3 n0_, n1_, n2_;  // flat: n0 is the unit normal
 };
 
 /// Places in the covered part of a texel, which must be covered.
@@ -73,7 +73,7 @@ class TexelSampler {
  private:
   const TexelTile& tile_;
   const Texel& texel_;
-  std::vector<Facet> facets_;            // one a fragment
+  std::vector<Facet> facets_;  // one a fragment
 };
 
 /// All texels of one map.
@@ -92,7 +92,7 @@ class TexelMap {
   const Scene& scene_;
   const Charts& charts_;
   int width_, height_;
-  std::vector<std::uint32_t> first_, triangles_;   // per tile (apron included): its triangles
+  std::vector<std::uint32_t> first_, triangles_;  // per tile (apron included): its triangles
 };
 
 }  // namespace lmc

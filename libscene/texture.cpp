@@ -7,7 +7,7 @@
 namespace lmc {
 namespace {
 
-constexpr int kMaxPointsAcross = 64;   // 64 * 64 = 4096 points a triangle
+constexpr int kMaxPointsAcross = 64;  // 64 * 64 = 4096 points a triangle
 
 /// IEC 61966-2-1, for each of the 256 stored values.
 const std::array<float, 256>& linearOfSrgb() {
@@ -33,8 +33,10 @@ glm::vec4 decoded(glm::u8vec4 stored, Encoding encoding) {
 /// Texel number of any integer, as the sampler's wrap mode says.
 int wrapped(std::int64_t i, int size, Wrap wrap) {
   switch (wrap) {
-    case Wrap::Clamp: return int(std::clamp<std::int64_t>(i, 0, size - 1));
-    case Wrap::Repeat: return int(((i % size) + size) % size);
+    case Wrap::Clamp:
+      return int(std::clamp<std::int64_t>(i, 0, size - 1));
+    case Wrap::Repeat:
+      return int(((i % size) + size) % size);
     case Wrap::Mirror: {
       const std::int64_t period = 2 * std::int64_t(size);
       const std::int64_t m = ((i % period) + period) % period;
@@ -49,7 +51,7 @@ glm::vec4 sample(const Scene& scene, const Texture& texture, glm::vec2 uv, Encod
   const glm::vec3 moved = texture.transform * glm::vec3(uv, 1.0f);
   // In double: at u = 1000 a float would leave a 4096-texel picture 4 bits of place within a texel.
   double x = double(moved.x) * image.width, y = double(moved.y) * image.height;
-  constexpr double kFar = 1e15;   // UVs may be made huge by a transform; beyond this a texel has no place anyway
+  constexpr double kFar = 1e15;  // UVs may be made huge by a transform; beyond this a texel has no place anyway
   x = std::isfinite(x) ? std::clamp(x, -kFar, kFar) : 0.0;
   y = std::isfinite(y) ? std::clamp(y, -kFar, kFar) : 0.0;
   const auto texel = [&](std::int64_t ix, std::int64_t iy) {
@@ -155,7 +157,8 @@ Rgb meanEmission(const Scene& scene, std::uint32_t triangle) {
   const Material& m = scene.materialOf(triangle);
   const bool holes = m.alpha == Material::Alpha::Mask && (m.baseColorTexture || !sameColors(scene, triangle));
   if (m.emission == Rgb(0.0f) || (!m.emissionTexture && !holes)) return m.emission;
-  const double texels = std::max(twiceTexels(scene, m.emissionTexture, triangle), holes ? twiceTexels(scene, m.baseColorTexture, triangle) : 0.0);
+  const double texels =
+      std::max(twiceTexels(scene, m.emissionTexture, triangle), holes ? twiceTexels(scene, m.baseColorTexture, triangle) : 0.0);
   return meanOver(scene, triangle, pointsAcross(texels), [&](glm::vec2 b) { return emissionAt(scene, triangle, b); });
 }
 

@@ -24,7 +24,7 @@ bool isDegenerate(const std::array<glm::dvec3, 3>& c) {
 
 namespace {
 
-constexpr std::size_t kBatch = 256;      // rays of one texel that go to Embree at once
+constexpr std::size_t kBatch = 256;  // rays of one texel that go to Embree at once
 
 /// One Embree geometry and which triangles of the scene it holds.
 struct Part {
@@ -45,10 +45,18 @@ void rejectHoles(const RTCFilterFunctionNArguments* args) {
 
 RTCRay toEmbree(const Ray& ray) {
   RTCRay r;
-  r.org_x = ray.origin_m.x; r.org_y = ray.origin_m.y; r.org_z = ray.origin_m.z;
-  r.dir_x = ray.direction.x; r.dir_y = ray.direction.y; r.dir_z = ray.direction.z;
-  r.tnear = 0.0f; r.tfar = ray.tFar;
-  r.time = 0.0f; r.mask = ~0u; r.id = 0; r.flags = 0;
+  r.org_x = ray.origin_m.x;
+  r.org_y = ray.origin_m.y;
+  r.org_z = ray.origin_m.z;
+  r.dir_x = ray.direction.x;
+  r.dir_y = ray.direction.y;
+  r.dir_z = ray.direction.z;
+  r.tnear = 0.0f;
+  r.tfar = ray.tFar;
+  r.time = 0.0f;
+  r.mask = ~0u;
+  r.id = 0;
+  r.flags = 0;
   return r;
 }
 
@@ -57,7 +65,7 @@ RTCRay toEmbree(const Ray& ray) {
 struct Tracer::Device {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
-  Part parts[2];   // opaque, masked: only the second pays for a filter
+  Part parts[2];  // opaque, masked: only the second pays for a filter
   std::atomic<std::int64_t> bytes{0};
 
   static bool onMemory(void* self, ssize_t bytes, bool) {
@@ -75,12 +83,15 @@ struct Tracer::Device {
     if (part.triangles.empty()) return;
     RTCGeometry g = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     void* vertices = rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), level.positions_m.size());
-    auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, part.triangles.size()));
+    auto* indices =
+        static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, part.triangles.size()));
     if (!vertices || !indices) throw Error(Exit::Limit, level.file, "", "not enough memory for the ray tracer", "LMC_MEMORY");
     std::memcpy(vertices, level.positions_m.data(), level.positions_m.size() * sizeof(glm::vec3));
     for (const std::uint32_t t : part.triangles) {
       const glm::uvec3 v = level.triangles[t];
-      *indices++ = v.x; *indices++ = v.y; *indices++ = v.z;
+      *indices++ = v.x;
+      *indices++ = v.y;
+      *indices++ = v.z;
     }
     if (id == 1) {
       rtcSetGeometryUserData(g, &part);
@@ -109,7 +120,8 @@ struct Tracer::Device {
 Tracer::Tracer(const Scene& scene) : device_(std::make_unique<Device>()) {
   Device& d = *device_;
   d.device = rtcNewDevice(nullptr);
-  if (!d.device) throw Error(Exit::Internal, "", "", fmt::format("the ray tracer does not start (Embree error {})", int(rtcGetDeviceError(nullptr))));
+  if (!d.device)
+    throw Error(Exit::Internal, "", "", fmt::format("the ray tracer does not start (Embree error {})", int(rtcGetDeviceError(nullptr))));
   rtcSetDeviceMemoryMonitorFunction(d.device, Device::onMemory, &d);
   d.scene = rtcNewScene(d.device);
   rtcSetSceneFlags(d.scene, RTC_SCENE_FLAG_ROBUST);
@@ -128,7 +140,8 @@ Tracer::Tracer(const Scene& scene) : device_(std::make_unique<Device>()) {
   d.attach(scene, 1);
   rtcCommitScene(d.scene);
   if (const RTCError e = rtcGetDeviceError(d.device); e != RTC_ERROR_NONE)
-    throw Error(e == RTC_ERROR_OUT_OF_MEMORY ? Exit::Limit : Exit::Internal, scene.file, "", fmt::format("the ray tracer cannot take the level (Embree error {})", int(e)));
+    throw Error(e == RTC_ERROR_OUT_OF_MEMORY ? Exit::Limit : Exit::Internal, scene.file, "",
+                fmt::format("the ray tracer cannot take the level (Embree error {})", int(e)));
   const float extent = std::max(scene.extent_m, std::numeric_limits<float>::min());
   lift_m_ = 4.0f * (std::nextafter(extent, std::numeric_limits<float>::infinity()) - extent);
 }
@@ -150,9 +163,11 @@ void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked
   for (std::size_t at = 0; at < rays.size(); at += kBatch) {
     const std::size_t n = std::min(kBatch, rays.size() - at);
     for (std::size_t i = 0; i < n; ++i) buffer[i] = toEmbree(rays[at + i]);
-    if (n == 1) rtcOccluded1(device_->scene, &context, buffer);
-    else rtcOccluded1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRay));
-    for (std::size_t i = 0; i < n; ++i) blocked[at + i] = buffer[i].tfar < 0.0f;   // Embree sets tfar to -inf where a ray is blocked
+    if (n == 1)
+      rtcOccluded1(device_->scene, &context, buffer);
+    else
+      rtcOccluded1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRay));
+    for (std::size_t i = 0; i < n; ++i) blocked[at + i] = buffer[i].tfar < 0.0f;  // Embree sets tfar to -inf where a ray is blocked
   }
   counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
 }

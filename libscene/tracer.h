@@ -12,10 +12,11 @@ namespace lmc {
 
 /// What a ray is for; counted apart, so that a report can show what each effect cost.
 enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, Exposure, PatchSky, Shoot, Visibility, Camera };
-inline constexpr std::array<const char*, 9> kPurposeNames{"shadow", "emitter", "sky", "gather", "exposure", "patch-sky", "shoot", "visibility", "camera"};
+inline constexpr std::array<const char*, 9> kPurposeNames{"shadow",    "emitter", "sky",        "gather", "exposure",
+                                                          "patch-sky", "shoot",   "visibility", "camera"};
 
 struct Ray {
-  glm::vec3 origin_m, direction;   ///< any length; tFar counts in lengths of direction
+  glm::vec3 origin_m, direction;  ///< any length; tFar counts in lengths of direction
   float tFar;
 };
 
@@ -23,7 +24,7 @@ struct Hit {
   std::uint32_t triangle = kNone;  ///< kNone = the ray left the level
   glm::vec2 bary{0.0f};            ///< weights of the second and third corner
   float t = 0.0f;
-  bool front = true;               ///< the ray met the side that is counter-clockwise
+  bool front = true;  ///< the ray met the side that is counter-clockwise
   explicit operator bool() const { return triangle != kNone; }
 };
 
@@ -44,12 +45,14 @@ class Tracer {
   /// How far a ray's start must be moved along the geometric normal so that it does not meet its own surface: 4 ulp of the level's largest
   /// coordinate, for positions computed in double from the float vertices (methods measured: 0 self hits in 1e6 rays from 1 ulp on).
   float lift_m() const { return lift_m_; }
-  glm::vec3 lifted(const glm::dvec3& position_m, const glm::dvec3& normal) const { return glm::vec3(position_m + double(lift_m_) * normal); }
+  glm::vec3 lifted(const glm::dvec3& position_m, const glm::dvec3& normal) const {
+    return glm::vec3(position_m + double(lift_m_) * normal);
+  }
 
   std::uint64_t rays(Purpose) const;
-  std::uint64_t rays() const;   ///< of all purposes
-  std::uint32_t degenerateTriangles() const { return degenerate_; }   ///< left out: their area is below 1e-12 of the longest edge squared
-  std::uint64_t bytes() const;  ///< held by Embree
+  std::uint64_t rays() const;                                        ///< of all purposes
+  std::uint32_t degenerateTriangles() const { return degenerate_; }  ///< left out: their area is below 1e-12 of the longest edge squared
+  std::uint64_t bytes() const;                                       ///< held by Embree
 
  private:
   struct Device;

@@ -73,26 +73,32 @@ Exit bake(const BakeOptions& options) {
       if (outputs) continue;
       refuseToOverwriteInputs(b);
       outputs = std::make_unique<OutputSet>(options.out);
-      if (!options.depfile.empty()) dependencies = std::make_unique<OutputSet>(options.depfile.parent_path().empty() ? "." : options.depfile.parent_path());
+      if (!options.depfile.empty())
+        dependencies = std::make_unique<OutputSet>(options.depfile.parent_path().empty() ? "." : options.depfile.parent_path());
     }
     const bool met = b.ledger.bound95 <= options.goal && b.ledger.worstObject <= 3.0 * options.goal;
     if (!met && options.goalIsExplicit) {
       result = Exit::GoalMissed;
-      b.run.warn({{}, options.level.string(), "",
-                  fmt::format("the goal of {} was missed: error {}, at most {}; worst object '{}' at most {}", figure(options.goal), figure(b.ledger.estimate), figure(b.ledger.bound95),
-                              b.ledger.worstObjectId == kNone ? "" : b.scene.objects[b.ledger.worstObjectId].path, figure(b.ledger.worstObject)),
-                  "LMC_GOAL"});
+      b.run.warn(
+          {{},
+           options.level.string(),
+           "",
+           fmt::format("the goal of {} was missed: error {}, at most {}; worst object '{}' at most {}", figure(options.goal),
+                       figure(b.ledger.estimate), figure(b.ledger.bound95),
+                       b.ledger.worstObjectId == kNone ? "" : b.scene.objects[b.ledger.worstObjectId].path, figure(b.ledger.worstObject)),
+           "LMC_GOAL"});
     }
     const nlohmann::ordered_json report = reportOf(b, spoken, met);
     writeOutputs(*outputs, b, report);
     if (dependencies) dependencies->open(options.depfile.filename()).write(depfileText(b));
-    b.run.progress(1.0);   // the last moment to stop
+    b.run.progress(1.0);  // the last moment to stop
     if (dependencies) dependencies->commit();
     outputs->commit();
     if (options.json) fmt::print("{}\n", report.dump(2));
     if (options.progress != ProgressKind::None && options.progress != ProgressKind::Json)
-      progress.say(fmt::format("baked {} in {:.1f} s ({:.1f} CPU s, {:.0f} MB): error {}, at most {} (goal {})", options.out.string(), double(report["seconds"]),
-                               double(report["cpu_seconds"]), double(peakBytes()) / 1e6, figure(b.ledger.estimate), figure(b.ledger.bound95), figure(options.goal)));
+      progress.say(fmt::format("baked {} in {:.1f} s ({:.1f} CPU s, {:.0f} MB): error {}, at most {} (goal {})", options.out.string(),
+                               double(report["seconds"]), double(report["cpu_seconds"]), double(peakBytes()) / 1e6,
+                               figure(b.ledger.estimate), figure(b.ledger.bound95), figure(options.goal)));
   });
   return result;
 }

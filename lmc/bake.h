@@ -15,6 +15,6 @@ Run stoppableRun(int threads);
 
 /// Set by SIGINT and SIGTERM; a bake stops at the next report of progress.
 void askToStop(int signal);
-int askedToStop();   ///< the signal, or 0
+int askedToStop();  ///< the signal, or 0
 
 }  // namespace lmc

@@ -68,7 +68,8 @@ Exit compare(const CompareOptions& options) {
   Json out;
   double largest = 0.0;
   std::string mismatch;
-  if (a.width != b.width || a.height != b.height) mismatch = fmt::format("sizes differ: {} x {} and {} x {}", a.width, a.height, b.width, b.height);
+  if (a.width != b.width || a.height != b.height)
+    mismatch = fmt::format("sizes differ: {} x {} and {} x {}", a.width, a.height, b.width, b.height);
   Json channels = Json::array();
   for (const auto& [name, data] : a.channels) {
     const auto other = b.channels.find(name);
@@ -79,7 +80,13 @@ Exit compare(const CompareOptions& options) {
     if (data.size() != other->second.size()) continue;
     const Difference d = difference(data, other->second);
     largest = std::max(largest, d.largest);
-    channels.push_back({{"channel", name}, {"max", d.largest}, {"mean", d.mean}, {"rms", d.rms}, {"mean_of_a", d.meanA}, {"x", d.at % std::size_t(a.width)}, {"y", d.at / std::size_t(a.width)}});
+    channels.push_back({{"channel", name},
+                        {"max", d.largest},
+                        {"mean", d.mean},
+                        {"rms", d.rms},
+                        {"mean_of_a", d.meanA},
+                        {"x", d.at % std::size_t(a.width)},
+                        {"y", d.at / std::size_t(a.width)}});
   }
   for (const auto& [name, data] : b.channels)
     if (!a.channels.contains(name) && mismatch.empty()) mismatch = fmt::format("channel {} is in the second file only", name);
@@ -92,8 +99,9 @@ Exit compare(const CompareOptions& options) {
     if (!mismatch.empty()) fmt::print("{}\n", mismatch);
     fmt::print("{:<12} {:>12} {:>12} {:>12} {:>12}  at\n", "channel", "max", "mean", "rms", "mean of A");
     for (const Json& c : channels)
-      fmt::print("{:<12} {:>12.6g} {:>12.6g} {:>12.6g} {:>12.6g}  {},{}\n", c["channel"].get<std::string>(), c["max"].get<double>(), c["mean"].get<double>(), c["rms"].get<double>(),
-                 c["mean_of_a"].get<double>(), c["x"].get<std::size_t>(), c["y"].get<std::size_t>());
+      fmt::print("{:<12} {:>12.6g} {:>12.6g} {:>12.6g} {:>12.6g}  {},{}\n", c["channel"].get<std::string>(), c["max"].get<double>(),
+                 c["mean"].get<double>(), c["rms"].get<double>(), c["mean_of_a"].get<double>(), c["x"].get<std::size_t>(),
+                 c["y"].get<std::size_t>());
   }
   if (!mismatch.empty()) return Exit::Differs;
   return options.maxDiff && !(largest <= *options.maxDiff) ? Exit::Differs : Exit::Done;

@@ -14,7 +14,7 @@
 namespace {
 
 extern "C" void onSignal(int signal) {
-  if (lmc::askedToStop() != 0) _exit(128 + signal);   // asked twice: at once
+  if (lmc::askedToStop() != 0) _exit(128 + signal);  // asked twice: at once
   lmc::askToStop(signal);
 }
 

@@ -41,39 +41,74 @@ double shareOf(const std::string& text, const char* option) {
   return percent ? *value / 100.0 : *value;
 }
 
-const std::map<std::string, ProgressKind> kProgress{
-    {"auto", ProgressKind::Auto}, {"bar", ProgressKind::Bar}, {"lines", ProgressKind::Lines}, {"json", ProgressKind::Json}, {"none", ProgressKind::None}};
+const std::map<std::string, ProgressKind> kProgress{{"auto", ProgressKind::Auto},
+                                                    {"bar", ProgressKind::Bar},
+                                                    {"lines", ProgressKind::Lines},
+                                                    {"json", ProgressKind::Json},
+                                                    {"none", ProgressKind::None}};
 const std::map<std::string, double> kPresets{{"draft", 0.08}, {"level", 0.02}, {"final", 0.01}};
 const std::map<std::string, Solver> kSolvers{{"auto", Solver::Auto}, {"dense", Solver::Dense}, {"shooting", Solver::Shooting}};
 
 void addLevelOptions(CLI::App* app, BakeOptions& o) {
   app->add_option("LEVEL", o.level, "level to read, .glb or .gltf")->required();
-  app->add_option_function<std::string>("--max-error", [&o](const std::string& t) { o.goal = shareOf(t, "--max-error"); o.goalIsExplicit = true; },
-                                        "relative RMS error asked for, such as 2%; exit code 5 when it is missed")->type_name("ERROR");
-  app->add_option_function<std::string>("--preset", [&o, app](const std::string& t) {
-       if (app->count("--max-error") == 0) o.goal = kPresets.at(t);
-     }, "draft (8 %), level (2 %, the default), final (1 %)")->check(CLI::IsMember({"draft", "level", "final"}))->type_name("NAME");
-  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce), or changes to auto (+sky,-bounce)")->type_name("LIST");
-  app->add_option_function<std::string>("--passes", [&o](const std::string& t) {
-       const auto n = number(t);
-       if (t != "auto" && (!n || *n < 1 || *n > 1e6 || *n != std::floor(*n))) throw CLI::ValidationError("--passes", "'" + t + "' is neither auto nor a whole number of 1 or more");
-       o.passes = n ? int(*n) : 0;
-     }, "bounces: auto (until what is left is negligible) or a number")->type_name("N");
-  app->add_option("--map-size", o.mapSize, "side of the light map in texels [default: the level's lightmap.resolution, else from the density]")->check(CLI::Range(4, 16384));
-  app->add_option("--texels-per-metre", o.texelsPerMetre, "density when no size is given [default: the level's, else 16]")->check(CLI::Range(1e-6, 1e6));
-  app->add_option_function<std::string>("--sky", [&o](const std::string& t) {
-       if (t == "scene") o.sky.reset();
-       else if (t == "none") o.sky = Rgb(0.0f);
-       else {
-         const auto v = numbers(t, 3, "--sky", "none, scene or a radiance R,G,B");
-         if (v[0] < 0 || v[1] < 0 || v[2] < 0) throw CLI::ValidationError("--sky", "a radiance cannot be negative");
-         o.sky = Rgb(float(v[0]), float(v[1]), float(v[2]));
-       }
-     }, "none, scene (default) or a constant radiance R,G,B [cd/m^2]")->type_name("SKY");
-  app->add_option_function<std::string>("--solver", [&o](const std::string& t) { o.solver = kSolvers.at(t); },
-                                        "auto, shooting (any level) or dense (the reference, up to 4096 patches)")->check(CLI::IsMember({"auto", "dense", "shooting"}))->type_name("NAME");
-  app->add_option("--patch-size", o.patchSize_m, "side of a radiosity patch in metres [default: from goal and level]")->check(CLI::Range(1e-9, 1e9));
-  app->add_option("--max-patches", o.maxPatches, "patches at most; above it they grow")->capture_default_str()->check(CLI::Range(16, 10000000));
+  app->add_option_function<std::string>(
+         "--max-error",
+         [&o](const std::string& t) {
+           o.goal = shareOf(t, "--max-error");
+           o.goalIsExplicit = true;
+         },
+         "relative RMS error asked for, such as 2%; exit code 5 when it is missed")
+      ->type_name("ERROR");
+  app->add_option_function<std::string>(
+         "--preset",
+         [&o, app](const std::string& t) {
+           if (app->count("--max-error") == 0) o.goal = kPresets.at(t);
+         },
+         "draft (8 %), level (2 %, the default), final (1 %)")
+      ->check(CLI::IsMember({"draft", "level", "final"}))
+      ->type_name("NAME");
+  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce), or changes to auto (+sky,-bounce)")
+      ->type_name("LIST");
+  app->add_option_function<std::string>(
+         "--passes",
+         [&o](const std::string& t) {
+           const auto n = number(t);
+           if (t != "auto" && (!n || *n < 1 || *n > 1e6 || *n != std::floor(*n)))
+             throw CLI::ValidationError("--passes", "'" + t + "' is neither auto nor a whole number of 1 or more");
+           o.passes = n ? int(*n) : 0;
+         },
+         "bounces: auto (until what is left is negligible) or a number")
+      ->type_name("N");
+  app->add_option("--map-size", o.mapSize,
+                  "side of the light map in texels [default: the level's lightmap.resolution, else from the density]")
+      ->check(CLI::Range(4, 16384));
+  app->add_option("--texels-per-metre", o.texelsPerMetre, "density when no size is given [default: the level's, else 16]")
+      ->check(CLI::Range(1e-6, 1e6));
+  app->add_option_function<std::string>(
+         "--sky",
+         [&o](const std::string& t) {
+           if (t == "scene")
+             o.sky.reset();
+           else if (t == "none")
+             o.sky = Rgb(0.0f);
+           else {
+             const auto v = numbers(t, 3, "--sky", "none, scene or a radiance R,G,B");
+             if (v[0] < 0 || v[1] < 0 || v[2] < 0) throw CLI::ValidationError("--sky", "a radiance cannot be negative");
+             o.sky = Rgb(float(v[0]), float(v[1]), float(v[2]));
+           }
+         },
+         "none, scene (default) or a constant radiance R,G,B [cd/m^2]")
+      ->type_name("SKY");
+  app->add_option_function<std::string>(
+         "--solver", [&o](const std::string& t) { o.solver = kSolvers.at(t); },
+         "auto, shooting (any level) or dense (the reference, up to 4096 patches)")
+      ->check(CLI::IsMember({"auto", "dense", "shooting"}))
+      ->type_name("NAME");
+  app->add_option("--patch-size", o.patchSize_m, "side of a radiosity patch in metres [default: from goal and level]")
+      ->check(CLI::Range(1e-9, 1e9));
+  app->add_option("--max-patches", o.maxPatches, "patches at most; above it they grow")
+      ->capture_default_str()
+      ->check(CLI::Range(16, 10000000));
   app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
   app->add_option("--max-texture-pixels", o.limits.maxTexturePixels, "largest picture read")->capture_default_str();
@@ -84,8 +119,10 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
 }
 
 constexpr const char* kExitCodes =
-    "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is not "
-    "supported, 5 explicit goal missed (maps written), 6 numerical check failed (maps not written), 7 compare above its limit, 8 no space, memory or "
+    "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is "
+    "not "
+    "supported, 5 explicit goal missed (maps written), 6 numerical check failed (maps not written), 7 compare above its limit, 8 no space, "
+    "memory or "
     "size limit, 9 internal error, 130/143 stopped.";
 
 }  // namespace
@@ -101,11 +138,16 @@ Command parseCommandLine(int argc, const char* const* argv) {
   CLI::App* bakeApp = app.add_subcommand("bake", "bake light maps of a level");
   addLevelOptions(bakeApp, bake);
   bakeApp->add_option("-o,--out", bake.out, "folder for the outputs; made when missing")->required();
-  bakeApp->add_flag("--snapshot", bake.snapshot, "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
+  bakeApp->add_flag("--snapshot", bake.snapshot,
+                    "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
-  bakeApp->add_option_function<std::string>("--progress", [&bake](const std::string& t) { bake.progress = kProgress.at(t); },
-                                            "auto (bar on a terminal, else lines), bar, lines, json, none")->check(CLI::IsMember({"auto", "bar", "lines", "json", "none"}))->type_name("KIND");
+  bakeApp
+      ->add_option_function<std::string>(
+          "--progress", [&bake](const std::string& t) { bake.progress = kProgress.at(t); },
+          "auto (bar on a terminal, else lines), bar, lines, json, none")
+      ->check(CLI::IsMember({"auto", "bar", "lines", "json", "none"}))
+      ->type_name("KIND");
 
   PlanOptions plan;
   CLI::App* planApp = app.add_subcommand("plan", "say which effects a bake would simulate, and why; writes nothing");
@@ -123,16 +165,20 @@ Command parseCommandLine(int argc, const char* const* argv) {
   CLI::App* shadeApp = app.add_subcommand("shade", "picture of a baked level: surface * light map");
   shadeApp->add_option("OUT", shade.out, "folder of a bake")->required();
   shadeApp->add_option("-o,--out", shade.picture, "PNG file to write")->required();
-  shadeApp->add_option("--camera", shade.camera, "name of a camera of the level, or px,py,pz,tx,ty,tz,fov (metres, degrees) [default: the level's first, else one made]")->type_name("CAMERA");
+  shadeApp
+      ->add_option("--camera", shade.camera,
+                   "name of a camera of the level, or px,py,pz,tx,ty,tz,fov (metres, degrees) [default: the level's first, else one made]")
+      ->type_name("CAMERA");
   shadeApp->add_option("--width", shade.width, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
   shadeApp->add_option("--height", shade.height, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
-  shadeApp->add_option("--exposure", shade.exposure, "factor on outgoing radiance [default: from the picture]")->check(CLI::Range(1e-12, 1e12));
+  shadeApp->add_option("--exposure", shade.exposure, "factor on outgoing radiance [default: from the picture]")
+      ->check(CLI::Range(1e-12, 1e12));
   shadeApp->add_option("-j,--threads", shade.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) {   // --help, --version
+    if (e.get_exit_code() == 0) {  // --help, --version
       std::ostringstream text, unused;
       app.exit(e, text, unused);
       return ShowText{text.str()};

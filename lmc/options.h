@@ -15,17 +15,17 @@ enum class Solver { Auto, Dense, Shooting };
 
 struct BakeOptions {
   std::filesystem::path level, out;
-  double goal = 0.02;                 ///< relative RMS error asked for
-  bool goalIsExplicit = false;        ///< then missing it is exit code 5
-  std::string effects = "auto";       ///< auto, a LIST, or +x,-y
-  int passes = 0;                     ///< bounces at most; 0 = until the light left is negligible
-  bool snapshot = false;              ///< a map after each pass
+  double goal = 0.02;            ///< relative RMS error asked for
+  bool goalIsExplicit = false;   ///< then missing it is exit code 5
+  std::string effects = "auto";  ///< auto, a LIST, or +x,-y
+  int passes = 0;                ///< bounces at most; 0 = until the light left is negligible
+  bool snapshot = false;         ///< a map after each pass
   Solver solver = Solver::Auto;
-  double patchSize_m = 0.0;           ///< 0 = from the goal and the level
+  double patchSize_m = 0.0;  ///< 0 = from the goal and the level
   std::uint32_t maxPatches = 200000;
-  int mapSize = 0;                    ///< 0 = the level's own, else from the density
-  double texelsPerMetre = 0.0;        ///< 0 = the level's own, else 16
-  std::optional<Rgb> sky;             ///< replaces the level's; black = none
+  int mapSize = 0;              ///< 0 = the level's own, else from the density
+  double texelsPerMetre = 0.0;  ///< 0 = the level's own, else 16
+  std::optional<Rgb> sky;       ///< replaces the level's; black = none
   std::uint64_t seed = 1;
   int threads = 0;
   bool json = false;
@@ -40,20 +40,20 @@ struct PlanOptions {
 
 struct CompareOptions {
   std::filesystem::path a, b;
-  std::optional<double> maxDiff;      ///< largest absolute difference allowed
+  std::optional<double> maxDiff;  ///< largest absolute difference allowed
   bool json = false;
 };
 
 struct ShadeOptions {
   std::filesystem::path out, picture;
-  std::string camera;                 ///< a camera's name, or px,py,pz,tx,ty,tz,fov
+  std::string camera;  ///< a camera's name, or px,py,pz,tx,ty,tz,fov
   int width = 1280, height = 720;
-  double exposure = 0.0;              ///< factor on E/pi * albedo; 0 = from the picture
+  double exposure = 0.0;  ///< factor on E/pi * albedo; 0 = from the picture
   int threads = 0;
 };
 
 struct ShowText {
-  std::string text;                   ///< help or version, for stdout
+  std::string text;  ///< help or version, for stdout
 };
 
 using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, ShowText>;

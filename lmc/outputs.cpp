@@ -12,7 +12,7 @@ namespace lmc {
 
 namespace {
 
-constexpr int kPadding = 4;   // texels around charts that repeat the nearest covered one: bilinear and two mip levels stay inside
+constexpr int kPadding = 4;  // texels around charts that repeat the nearest covered one: bilinear and two mip levels stay inside
 
 /// For every texel the covered one whose value it shows: itself, the nearest within kPadding (the lower number where two tie), or kNone.
 std::vector<std::uint32_t> shownTexel(const LightMap& map) {
@@ -80,7 +80,9 @@ std::string escapedForMake(const std::string& path) {
 void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& report) {
   using Json = nlohmann::ordered_json;
   Json files = Json::array();
-  const auto listed = [&](const char* name, OutputFile& file) { files.push_back({{"name", name}, {"bytes", file.size()}, {"xxh3", file.hash()}}); };
+  const auto listed = [&](const char* name, OutputFile& file) {
+    files.push_back({{"name", name}, {"bytes", file.size()}, {"xxh3", file.hash()}});
+  };
 
   OutputFile& map = set.open("lightmap.exr");
   writeMap(map, b);
@@ -108,7 +110,12 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   sidecar["schema"] = "lmc-sidecar/1";
   sidecar["unit"] = "lx";
   sidecar["space"] = "linear Rec. 709";
-  sidecar["maps"] = Json::array({{{"file", "lightmap.exr"}, {"width", b.map.width}, {"height", b.map.height}, {"scale", b.scale}, {"texCoord", 1}, {"padding", kPadding}}});
+  sidecar["maps"] = Json::array({{{"file", "lightmap.exr"},
+                                  {"width", b.map.width},
+                                  {"height", b.map.height},
+                                  {"scale", b.scale},
+                                  {"texCoord", 1},
+                                  {"padding", kPadding}}});
   sidecar["nodes"] = nodes;
   sidecar["files"] = files;
   set.open("level.lmc.json").write(sidecar.dump(2) + "\n");

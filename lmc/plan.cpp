@@ -18,13 +18,15 @@ Step automatic(Effect effect, const Facts& f) {
   if (f.receivers == 0) return step(false, "no object has a place in the light map");
   switch (effect) {
     case Effect::Direct:
-      if (punctual > 0) return step(true, fmt::format("{} point, {} spot, {} directional lights", f.pointLights, f.spotLights, f.directionalLights));
+      if (punctual > 0)
+        return step(true, fmt::format("{} point, {} spot, {} directional lights", f.pointLights, f.spotLights, f.directionalLights));
       return step(false, f.darkLights > 0 ? "every light has intensity 0" : "no punctual lights");
     case Effect::Shadow:
       if (punctual + f.emissiveTriangles == 0) return step(false, "no light that could be blocked but the sky");
       return f.blockers > 0 ? step(true, fmt::format("{} triangles cast shadows", f.blockers)) : step(false, "nothing casts a shadow");
     case Effect::Area:
-      return f.emissiveTriangles > 0 ? step(true, fmt::format("{} emissive triangles", f.emissiveTriangles)) : step(false, "no emissive surfaces");
+      return f.emissiveTriangles > 0 ? step(true, fmt::format("{} emissive triangles", f.emissiveTriangles))
+                                     : step(false, "no emissive surfaces");
     case Effect::Sky:
       return f.sky ? step(true, "the sky has a radiance") : step(false, "no sky");
     case Effect::Bounce:
@@ -47,10 +49,14 @@ std::optional<Effect> effectNamed(std::string_view name) {
 Facts factsOf(const Scene& scene) {
   Facts f;
   for (const Light& l : scene.lights) {
-    if (strength(l.intensity) <= 0.0f) ++f.darkLights;
-    else if (l.kind == Light::Kind::Point) ++f.pointLights;
-    else if (l.kind == Light::Kind::Spot) ++f.spotLights;
-    else ++f.directionalLights;
+    if (strength(l.intensity) <= 0.0f)
+      ++f.darkLights;
+    else if (l.kind == Light::Kind::Point)
+      ++f.pointLights;
+    else if (l.kind == Light::Kind::Spot)
+      ++f.spotLights;
+    else
+      ++f.directionalLights;
   }
   f.sky = strength(scene.sky) > 0.0f;
   for (const Object& o : scene.objects) {
@@ -84,7 +90,8 @@ Plan makePlan(const std::string& effects, const Facts& facts) {
     const bool signedWord = !word.empty() && (word[0] == '+' || word[0] == '-');
     const auto effect = effectNamed(std::string_view(word).substr(signedWord ? 1 : 0));
     if (!effect || signedWord != changes)
-      throw Error(Exit::Usage, "lmc", "", fmt::format("--effects: '{}' is not an effect (direct, shadow, area, sky, bounce), or mixes a list with changes", word));
+      throw Error(Exit::Usage, "lmc", "",
+                  fmt::format("--effects: '{}' is not an effect (direct, shadow, area, sky, bounce), or mixes a list with changes", word));
     wish[std::size_t(*effect)] = !signedWord || word[0] == '+';
   }
   for (Step& step : plan.steps) {

@@ -9,13 +9,13 @@ namespace lmc {
 
 /// What a level calls for, gathered without a ray.
 struct Facts {
-  std::uint32_t pointLights = 0, spotLights = 0, directionalLights = 0;   ///< that give light
-  std::uint32_t darkLights = 0;                                           ///< of intensity 0
+  std::uint32_t pointLights = 0, spotLights = 0, directionalLights = 0;  ///< that give light
+  std::uint32_t darkLights = 0;                                          ///< of intensity 0
   std::uint32_t emissiveTriangles = 0;
   bool sky = false;
-  std::uint32_t receivers = 0;            ///< objects with a place in the light map
-  std::uint32_t blockers = 0;             ///< triangles that cast shadows
-  float largestReflectance = 0.0f;        ///< over materials, all channels
+  std::uint32_t receivers = 0;      ///< objects with a place in the light map
+  std::uint32_t blockers = 0;       ///< triangles that cast shadows
+  float largestReflectance = 0.0f;  ///< over materials, all channels
   bool lit() const { return pointLights + spotLights + directionalLights + emissiveTriangles > 0 || sky; }
 };
 Facts factsOf(const Scene&);

@@ -62,12 +62,14 @@ void Progress::update(double shareOfStage) {
   const double done = before_ + share_ * shareOfStage, elapsed = since(start_);
   const double left = done > 0.02 ? elapsed * (1.0 - done) / done : -1.0;
   if (kind_ == ProgressKind::Json) {
-    fmt::print(stderr, "{}\n", nlohmann::json{{"stage", stage_}, {"stage_done", shareOfStage}, {"done", done}, {"elapsed_s", elapsed}, {"left_s", left}}.dump());
+    fmt::print(
+        stderr, "{}\n",
+        nlohmann::json{{"stage", stage_}, {"stage_done", shareOfStage}, {"done", done}, {"elapsed_s", elapsed}, {"left_s", left}}.dump());
     return;
   }
   const int width = 30, full = int(done * width);
-  fmt::print(stderr, "\r\x1b[K[{}{}] {:3.0f} %  {:<8} {}", std::string(std::size_t(full), '#'), std::string(std::size_t(width - full), '.'), 100.0 * done, stage_,
-             left >= 0.0 ? fmt::format("{:.0f} s left", left) : std::string());
+  fmt::print(stderr, "\r\x1b[K[{}{}] {:3.0f} %  {:<8} {}", std::string(std::size_t(full), '#'), std::string(std::size_t(width - full), '.'),
+             100.0 * done, stage_, left >= 0.0 ? fmt::format("{:.0f} s left", left) : std::string());
   std::fflush(stderr);
   barShown_ = true;
 }
@@ -77,7 +79,9 @@ void Progress::end(const StageTime& t) {
   clearBar();
   if (kind_ == ProgressKind::None) return;
   if (kind_ == ProgressKind::Json) {
-    fmt::print(stderr, "{}\n", nlohmann::json{{"stage", t.name}, {"seconds", t.seconds}, {"cpu_s", t.cpuSeconds}, {"rays", t.rays}, {"summary", t.summary}}.dump());
+    fmt::print(stderr, "{}\n",
+               nlohmann::json{{"stage", t.name}, {"seconds", t.seconds}, {"cpu_s", t.cpuSeconds}, {"rays", t.rays}, {"summary", t.summary}}
+                   .dump());
     return;
   }
   fmt::print(stderr, "{:<8} {:8.2f} s  {:>12} rays  {}\n", t.name, t.seconds, t.rays, t.summary);
@@ -86,8 +90,10 @@ void Progress::end(const StageTime& t) {
 void Progress::say(const std::string& text) {
   const std::lock_guard lock(mutex_);
   clearBar();
-  if (kind_ == ProgressKind::Json) fmt::print(stderr, "{}\n", nlohmann::json{{"message", text}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
-  else fmt::print(stderr, "{}\n", text);
+  if (kind_ == ProgressKind::Json)
+    fmt::print(stderr, "{}\n", nlohmann::json{{"message", text}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  else
+    fmt::print(stderr, "{}\n", text);
 }
 
 }  // namespace lmc

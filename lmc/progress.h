@@ -25,9 +25,9 @@ class Progress {
  public:
   explicit Progress(ProgressKind kind);
   void begin(const std::string& stage, double shareOfJobBefore, double shareOfJob);
-  void update(double shareOfStage);                     ///< thread-safe
+  void update(double shareOfStage);  ///< thread-safe
   void end(const StageTime&);
-  void say(const std::string& line);                    ///< a message; does not tear the bar
+  void say(const std::string& line);  ///< a message; does not tear the bar
  private:
   void clearBar();
   ProgressKind kind_;

@@ -14,7 +14,8 @@ Json rgb(const glm::dvec3& c) { return Json::array({c.x, c.y, c.z}); }
 
 Json planOf(const Plan& plan) {
   Json steps = Json::array();
-  for (const Step& s : plan.steps) steps.push_back({{"effect", kEffectNames[std::size_t(s.effect)]}, {"run", s.run}, {"because", s.because}});
+  for (const Step& s : plan.steps)
+    steps.push_back({{"effect", kEffectNames[std::size_t(s.effect)]}, {"run", s.run}, {"because", s.because}});
   return steps;
 }
 
@@ -24,8 +25,15 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   r["version"] = LMC_VERSION;
   r["plan"] = planOf(b.plan);
   const ErrorLedger& e = b.ledger;
-  r["error"] = {{"goal", b.options.goal}, {"goal_met", goalMet},   {"estimate", e.estimate},           {"bound95", e.bound95},
-                {"noise", e.noise},       {"patches", e.field},    {"bounce_tail", e.tail}, {"bounce_tail_estimate", e.tailEstimate},            {"worst_object", e.worstObject},
+  r["error"] = {{"goal", b.options.goal},
+                {"goal_met", goalMet},
+                {"estimate", e.estimate},
+                {"bound95", e.bound95},
+                {"noise", e.noise},
+                {"patches", e.field},
+                {"bounce_tail", e.tail},
+                {"bounce_tail_estimate", e.tailEstimate},
+                {"worst_object", e.worstObject},
                 {"worst_object_path", e.worstObjectId == kNone ? "" : b.scene.objects[e.worstObjectId].path}};
   glm::dvec3 mean(0.0);
   double lo = 1e300, hi = 0.0;
@@ -42,22 +50,32 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   std::uint64_t twoSided = 0;
   for (const Object& o : b.scene.objects) twoSided += o.receive && b.scene.materials[o.material].doubleSided ? o.triangleCount : 0;
   r["double_sided_triangles_without_light_on_their_back"] = twoSided;
-  r["patches"] = {{"count", b.patches.patches.size()}, {"size_m", b.patches.size_m}, {"faces", b.patches.leaves.size()}, {"unjoined_triangles", b.patches.unjoined}, {"mean_reflectance", b.meanReflectance}, {"albedo_clamped", b.clampedPatches}};
+  r["patches"] = {{"count", b.patches.patches.size()},     {"size_m", b.patches.size_m},
+                  {"faces", b.patches.leaves.size()},      {"unjoined_triangles", b.patches.unjoined},
+                  {"mean_reflectance", b.meanReflectance}, {"albedo_clamped", b.clampedPatches}};
   if (!b.patches.patches.empty()) {
     const Solution& s = b.solutions[0];
-    r["solver"] = {{"method", b.solvedDense ? "dense" : "shooting"}, {"passes", s.passes}, {"stop", s.stop == Stop::Energy ? "energy" : s.stop == Stop::Passes ? "passes" : "nothing to send"},
+    r["solver"] = {{"method", b.solvedDense ? "dense" : "shooting"},
+                   {"passes", s.passes},
+                   {"stop", s.stop == Stop::Energy   ? "energy"
+                            : s.stop == Stop::Passes ? "passes"
+                                                     : "nothing to send"},
                    {"tail_bound", b.tail()}};
     if (b.closureError >= 0.0) r["solver"]["closure_error_before_scaling"] = b.closureError;
     const Energy& g = s.energy;
-    r["energy"] = {{"unit", "lm"}, {"sent", rgb(g.sent)}, {"absorbed", rgb(g.absorbed)}, {"back_faces", rgb(g.backs)}, {"left_the_level", rgb(g.left)},
-                   {"unsent", rgb(g.unsent)}, {"balance", g.imbalance()}};
+    r["energy"] = {{"unit", "lm"},
+                   {"sent", rgb(g.sent)},
+                   {"absorbed", rgb(g.absorbed)},
+                   {"back_faces", rgb(g.backs)},
+                   {"left_the_level", rgb(g.left)},
+                   {"unsent", rgb(g.unsent)},
+                   {"balance", g.imbalance()}};
   } else {
     r["energy"] = {{"balance", 0.0}};
   }
   Json rays;
   rays["total"] = b.tracer ? b.tracer->rays() : 0;
-  for (std::size_t p = 0; p < kPurposeNames.size(); ++p)
-    rays[kPurposeNames[p]] = b.tracer ? b.tracer->rays(Purpose(p)) : 0;
+  for (std::size_t p = 0; p < kPurposeNames.size(); ++p) rays[kPurposeNames[p]] = b.tracer ? b.tracer->rays(Purpose(p)) : 0;
   r["rays"] = rays;
   // Seconds by light: the direct stage's, by rays.
   double directSeconds = 0.0;
@@ -69,7 +87,8 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   };
   if (b.direct) {
     constexpr const char* kKinds[] = {"point", "spot", "directional"};
-    for (std::uint32_t i = 0; i < b.scene.lights.size(); ++i) addLight(b.scene.lights[i].path, kKinds[std::size_t(b.scene.lights[i].kind)], b.direct->raysOf(i));
+    for (std::uint32_t i = 0; i < b.scene.lights.size(); ++i)
+      addLight(b.scene.lights[i].path, kKinds[std::size_t(b.scene.lights[i].kind)], b.direct->raysOf(i));
     if (b.direct->hasEmitters()) addLight("emissive surfaces", "area", b.tracer->rays(Purpose::Emitter));
   }
   r["lights"] = lights;

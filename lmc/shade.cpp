@@ -22,8 +22,8 @@ namespace lmc {
 
 namespace {
 
-constexpr int kSamples = 16;              // per pixel
-constexpr double kBrightShare = 0.95;     // this share of the pixels is darker than display white when the exposure is chosen here
+constexpr int kSamples = 16;           // per pixel
+constexpr double kBrightShare = 0.95;  // this share of the pixels is darker than display white when the exposure is chosen here
 constexpr double kWhite = 0.85;
 
 struct Map {
@@ -51,7 +51,8 @@ Camera cameraOf(const Scene& scene, const std::string& wish) {
   if (!wish.empty()) {
     double v[7];
     char end = 0;
-    if (std::sscanf(wish.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf%c", v, v + 1, v + 2, v + 3, v + 4, v + 5, v + 6, &end) != 7 || !(v[6] > 0.0 && v[6] < 180.0))
+    if (std::sscanf(wish.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf%c", v, v + 1, v + 2, v + 3, v + 4, v + 5, v + 6, &end) != 7 ||
+        !(v[6] > 0.0 && v[6] < 180.0))
       throw Error(Exit::Usage, "lmc", "", fmt::format("--camera: '{}' is neither a camera of the level nor px,py,pz,tx,ty,tz,fov", wish));
     eye = glm::dvec3(v[0], v[1], v[2]) - scene.centre_m;
     target = glm::dvec3(v[3], v[4], v[5]) - scene.centre_m;
@@ -62,7 +63,7 @@ Camera cameraOf(const Scene& scene, const std::string& wish) {
       lo = glm::min(lo, glm::dvec3(p));
       hi = glm::max(hi, glm::dvec3(p));
     }
-    eye = glm::mix(lo, hi, glm::dvec3(0.9, 0.6, 0.9));   // from inside the bounds: rooms are seen from within
+    eye = glm::mix(lo, hi, glm::dvec3(0.9, 0.6, 0.9));  // from inside the bounds: rooms are seen from within
     target = glm::mix(lo, hi, glm::dvec3(0.2, 0.35, 0.2));
   }
   Camera c;
@@ -87,7 +88,8 @@ Exit shade(const ShadeOptions& options) {
   const Run run = stoppableRun(options.threads);
   const std::vector<std::uint8_t> sidecarText = readFile(options.out / "level.lmc.json");
   const auto sidecar = nlohmann::json::parse(sidecarText, nullptr, false);
-  if (sidecar.is_discarded() || !sidecar.contains("files")) throw Error(Exit::Broken, options.out / "level.lmc.json", "", "is not a sidecar of lmc");
+  if (sidecar.is_discarded() || !sidecar.contains("files"))
+    throw Error(Exit::Broken, options.out / "level.lmc.json", "", "is not a sidecar of lmc");
   for (const auto& f : sidecar["files"]) {
     const auto name = f.value("name", std::string());
     if (name.empty() || name.find('/') != std::string::npos || contentHash(readFile(options.out / name)) != f.value("xxh3", std::string()))
@@ -125,7 +127,8 @@ Exit shade(const ShadeOptions& options) {
           }
           if (!hit.front && !scene.materialOf(hit.triangle).doubleSided) continue;
           const glm::uvec3 t = scene.triangles[hit.triangle];
-          const glm::vec2 uv = (1.0f - hit.bary.x - hit.bary.y) * scene.uv1[t.x] + hit.bary.x * scene.uv1[t.y] + hit.bary.y * scene.uv1[t.z];
+          const glm::vec2 uv =
+              (1.0f - hit.bary.x - hit.bary.y) * scene.uv1[t.x] + hit.bary.x * scene.uv1[t.y] + hit.bary.y * scene.uv1[t.z];
           if (scene.objectOf(hit.triangle).receive) sum += glm::dvec3(reflectanceAt(scene, hit.triangle, hit.bary) * map.at(uv)) / kPi;
           sum += glm::dvec3(emissionAt(scene, hit.triangle, hit.bary));
         }

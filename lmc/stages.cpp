@@ -14,16 +14,16 @@ namespace lmc {
 namespace {
 
 constexpr double kDefaultTexelsPerMetre = 16.0;
-// Squares of the patch size in a level's area; about three times as many patches come of it. Their number goes with 1/goal, for their error is of second
-// order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
+// Squares of the patch size in a level's area; about three times as many patches come of it. Their number goes with 1/goal, for their error
+// is of second order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
 constexpr double kPatchesAtTwoPercent = 3000.0;
-constexpr std::size_t kDenseByItself = 600;       // below it the dense solver costs less than the noise of shooting
-constexpr double kNearlyWhite = 0.95;             // area mean of reflectance from which shooting takes hundreds of passes: dense there
-constexpr double kPatchesNearlyWhite = 400.0;     // squares; the field of such a level is smooth
+constexpr std::size_t kDenseByItself = 600;    // below it the dense solver costs less than the noise of shooting
+constexpr double kNearlyWhite = 0.95;          // area mean of reflectance from which shooting takes hundreds of passes: dense there
+constexpr double kPatchesNearlyWhite = 400.0;  // squares; the field of such a level is smooth
 constexpr std::size_t kDenseNearlyWhite = 1500;
-constexpr float kMostReflectance = 0.999f;        // at 1 a closed room has no finite solution
-constexpr std::uint64_t kBytesPerTexel = 180;     // of state, values and what is written, at their largest
-constexpr double kTailShare = 0.05;               // of the goal, for bounces left out
+constexpr float kMostReflectance = 0.999f;     // at 1 a closed room has no finite solution
+constexpr std::uint64_t kBytesPerTexel = 180;  // of state, values and what is written, at their largest
+constexpr double kTailShare = 0.05;            // of the goal, for bounces left out
 constexpr int kLargestMap = 16384;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
 
@@ -38,7 +38,8 @@ void load(Bake& b) {
 void plan(Bake& b) {
   b.facts = factsOf(b.scene);
   b.plan = makePlan(b.options.effects, b.facts);
-  for (const Step& s : b.plan.steps) b.summary += fmt::format("{}{}{}", b.summary.empty() ? "" : " ", s.run ? "+" : "-", kEffectNames[std::size_t(s.effect)]);
+  for (const Step& s : b.plan.steps)
+    b.summary += fmt::format("{}{}{}", b.summary.empty() ? "" : " ", s.run ? "+" : "-", kEffectNames[std::size_t(s.effect)]);
   // What does not run is not there for the stages that follow.
   if (!b.plan.runs(Effect::Direct)) b.scene.lights.clear();
   if (!b.plan.runs(Effect::Sky)) b.scene.sky = Rgb(0.0f);
@@ -58,21 +59,31 @@ void warnOfLostCharts(const Bake& b) {
   const auto first = std::uint32_t(std::ranges::find(seen, false) - seen.begin());
   const auto triangle = std::uint32_t(std::ranges::find(b.charts.chartOf, first) - b.charts.chartOf.begin());
   const Object& o = b.scene.objectOf(triangle);
-  b.run.warn({{}, b.scene.file.string(), fmt::format("/meshes/{}/primitives/{}/attributes/TEXCOORD_1", o.mesh, o.primitive),
-              fmt::format("{} light-map charts are too small to get a texel of a map of {} x {}; the first is of object '{}'", lost, b.side, b.side, o.path), "LMC_UV_TINY"});
+  b.run.warn({{},
+              b.scene.file.string(),
+              fmt::format("/meshes/{}/primitives/{}/attributes/TEXCOORD_1", o.mesh, o.primitive),
+              fmt::format("{} light-map charts are too small to get a texel of a map of {} x {}; the first is of object '{}'", lost, b.side,
+                          b.side, o.path),
+              "LMC_UV_TINY"});
 }
 
 }  // namespace
 
 void charts(Bake& b) {
-  const double density = b.options.texelsPerMetre > 0.0 ? b.options.texelsPerMetre : b.scene.texelsPerMetre > 0.0 ? b.scene.texelsPerMetre : kDefaultTexelsPerMetre;
-  const int known = b.options.texelsPerMetre > 0.0 ? 0 : b.scene.mapResolution;   // a density that was asked for goes before the level's size
+  const double density = b.options.texelsPerMetre > 0.0 ? b.options.texelsPerMetre
+                         : b.scene.texelsPerMetre > 0.0 ? b.scene.texelsPerMetre
+                                                        : kDefaultTexelsPerMetre;
+  const int known =
+      b.options.texelsPerMetre > 0.0 ? 0 : b.scene.mapResolution;  // a density that was asked for goes before the level's size
   b.side = mapSide(b.scene, b.options.mapSize > 0 ? b.options.mapSize : known, density);
   if (b.side > kLargestMap)
-    throw Error(Exit::Limit, b.scene.file, "/scenes/0/extras/lmc/lightmap/resolution", fmt::format("a map of {} x {} is above the limit of {}", b.side, b.side, kLargestMap), "LMC_MAP_SIZE");
+    throw Error(Exit::Limit, b.scene.file, "/scenes/0/extras/lmc/lightmap/resolution",
+                fmt::format("a map of {} x {} is above the limit of {}", b.side, b.side, kLargestMap), "LMC_MAP_SIZE");
   const std::uint64_t needed = std::uint64_t(b.side) * std::uint64_t(b.side) * kBytesPerTexel;
   if (const std::uint64_t have = memoryBytes(); needed > have)
-    throw Error(Exit::Limit, b.scene.file, "", fmt::format("a map of {} x {} needs about {} MB, this machine has {} MB", b.side, b.side, needed >> 20, have >> 20), "LMC_MEMORY");
+    throw Error(Exit::Limit, b.scene.file, "",
+                fmt::format("a map of {} x {} needs about {} MB, this machine has {} MB", b.side, b.side, needed >> 20, have >> 20),
+                "LMC_MEMORY");
   b.charts = findCharts(b.scene, b.side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side, b.side);
   b.map = startMap(b.scene, *b.texels, b.run);
@@ -89,7 +100,11 @@ void trace(Bake& b) {
   b.tracer = std::make_unique<Tracer>(b.scene);
   b.summary = fmt::format("{:.1f} MB", double(b.tracer->bytes()) / 1e6);
   if (b.tracer->degenerateTriangles() > 0)
-    b.run.note({{}, b.scene.file.string(), "", fmt::format("{} triangles without area are left out", b.tracer->degenerateTriangles()), "LMC_DEGENERATE"});
+    b.run.note({{},
+                b.scene.file.string(),
+                "",
+                fmt::format("{} triangles without area are left out", b.tracer->degenerateTriangles()),
+                "LMC_DEGENERATE"});
 }
 
 void directLight(Bake& b) {
@@ -128,8 +143,12 @@ void clampReflectance(Bake& b) {
   for (const Patch& p : b.patches.patches) area += p.area_m2;
   b.clampedAway /= area * (1.0 - std::min(double(kMostReflectance), b.meanReflectance));
   const Object& o = b.scene.objects[firstObject];
-  b.run.warn({{}, b.scene.file.string(), fmt::format("/materials/{}", o.material),
-              fmt::format("albedo above {} is taken as {} on {} patches, the first of object '{}'", kMostReflectance, kMostReflectance, b.clampedPatches, o.path), "LMC_ALBEDO_ONE"});
+  b.run.warn({{},
+              b.scene.file.string(),
+              fmt::format("/materials/{}", o.material),
+              fmt::format("albedo above {} is taken as {} on {} patches, the first of object '{}'", kMostReflectance, kMostReflectance,
+                          b.clampedPatches, o.path),
+              "LMC_ALBEDO_ONE"});
 }
 
 }  // namespace
@@ -164,8 +183,12 @@ void solve(Bake& b) {
   if (b.patches.patches.empty()) return;
   const std::size_t n = b.patches.patches.size();
   if (b.options.solver == Solver::Dense && n > kMaxDensePatches)
-    throw Error(Exit::Limit, b.scene.file, "", fmt::format("--solver dense takes at most {} patches, the level has {}: raise --patch-size", kMaxDensePatches, n), "LMC_DENSE");
-  b.solvedDense = b.options.passes == 0 && !b.options.snapshot && (b.options.solver == Solver::Dense || (b.options.solver == Solver::Auto && n <= (b.meanReflectance > kNearlyWhite ? kDenseNearlyWhite : kDenseByItself)));
+    throw Error(Exit::Limit, b.scene.file, "",
+                fmt::format("--solver dense takes at most {} patches, the level has {}: raise --patch-size", kMaxDensePatches, n),
+                "LMC_DENSE");
+  b.solvedDense = b.options.passes == 0 && !b.options.snapshot &&
+                  (b.options.solver == Solver::Dense ||
+                   (b.options.solver == Solver::Auto && n <= (b.meanReflectance > kNearlyWhite ? kDenseNearlyWhite : kDenseByItself)));
   if (b.solvedDense) {
     const FormFactors f = computeFormFactors(b.scene, *b.tracer, b.patches, b.run);
     b.closureError = f.closureError;
@@ -176,7 +199,7 @@ void solve(Bake& b) {
     for (std::uint32_t half = 0; half < 2; ++half) {
       ShootOptions options;
       options.maxTail = kTailShare * b.options.goal;
-      if (b.options.passes > 0) options.maxPasses = b.options.passes - 1;   // hemisphere rays add the last bounce
+      if (b.options.passes > 0) options.maxPasses = b.options.passes - 1;  // hemisphere rays add the last bounce
       options.stream = half;
       if (b.options.snapshot && half == 0)
         options.onPass = [&](int pass, const Bounced& bounced) {
@@ -197,11 +220,15 @@ void solve(Bake& b) {
           while (largest / scale > 32768.0f) scale *= 2.0f;
           for (Rgb& e : E) e /= scale;
           OutputSet set(b.options.out / "passes");
-          writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height, {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale}});
+          writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height,
+                   {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale}});
           set.commit();
         };
       Run part = b.run;
-      part.onProgress = [&](double share) { b.run.progress(0.5 * (half + share)); return true; };
+      part.onProgress = [&](double share) {
+        b.run.progress(0.5 * (half + share));
+        return true;
+      };
       b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
     }
     b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
@@ -209,11 +236,14 @@ void solve(Bake& b) {
   for (const Solution& s : b.solutions) {
     const double off = s.energy.imbalance();
     if (!std::isfinite(off) || off > kFailImbalance)
-      throw Error(Exit::Numerical, b.scene.file, "", fmt::format("energy does not balance: {:.3g} of the bounced light is made or lost", off), "LMC_ENERGY");
-    if (off > kWarnImbalance) b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
+      throw Error(Exit::Numerical, b.scene.file, "",
+                  fmt::format("energy does not balance: {:.3g} of the bounced light is made or lost", off), "LMC_ENERGY");
+    if (off > kWarnImbalance)
+      b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
   }
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
-  b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.texels.get(), b.patchLight, std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance}, b.run);
+  b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.texels.get(), b.patchLight,
+                                    std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance}, b.run);
 }
 
 void hemisphere(Bake& b) {
@@ -245,13 +275,15 @@ void finish(Bake& b) {
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     const Rgb e = b.values.direct[i] + b.values.indirect[i];
     if (!std::isfinite(e.r + e.g + e.b) || !std::isfinite(b.values.error[i].r + b.values.error[i].g + b.values.error[i].b))
-      throw Error(Exit::Numerical, b.scene.file, "", fmt::format("texel ({}, {}) of the map is not finite (object '{}')", i % std::size_t(b.map.width),
-                                                               i / std::size_t(b.map.width), b.scene.objects[b.map.object[i]].path), "LMC_NOT_FINITE");
+      throw Error(Exit::Numerical, b.scene.file, "",
+                  fmt::format("texel ({}, {}) of the map is not finite (object '{}')", i % std::size_t(b.map.width),
+                              i / std::size_t(b.map.width), b.scene.objects[b.map.object[i]].path),
+                  "LMC_NOT_FINITE");
     largest = std::max({largest, strength(e), strength(b.values.error[i])});
   }
   while (largest / b.scale > 32768.0f) b.scale *= 2.0f;
-  b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate, 100.0 * b.ledger.noise,
-                          100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
+  b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate,
+                          100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
 }
 
 }  // namespace lmc

@@ -16,29 +16,29 @@ struct Bake {
   const BakeOptions& options;
   Run run;
 
-  Scene scene;                               // load
-  Facts facts;                               // plan
+  Scene scene;  // load
+  Facts facts;  // plan
   Plan plan;
-  int side = 0;                              // charts: of the map [texels]
+  int side = 0;  // charts: of the map [texels]
   Charts charts;
   std::unique_ptr<TexelMap> texels;
-  std::unique_ptr<Tracer> tracer;            // trace
-  LightMap map;                              // direct, hemisphere
+  std::unique_ptr<Tracer> tracer;  // trace
+  LightMap map;                    // direct, hemisphere
   std::unique_ptr<DirectLight> direct;
-  PatchMesh patches;                         // patches
-  double meanReflectance = 0.0;              ///< by area
-  std::uint32_t clampedPatches = 0;          ///< whose albedo was above what can be solved
-  double clampedAway = 0.0;                  ///< share of the bounced light that the clamp may take
+  PatchMesh patches;                 // patches
+  double meanReflectance = 0.0;      ///< by area
+  std::uint32_t clampedPatches = 0;  ///< whose albedo was above what can be solved
+  double clampedAway = 0.0;          ///< share of the bounced light that the clamp may take
   PatchLight patchLight;
-  std::array<Solution, 2> solutions;         // solve; the dense solver fills both alike
+  std::array<Solution, 2> solutions;  // solve; the dense solver fills both alike
   bool solvedDense = false;
-  double closureError = -1.0;                ///< of the form factors before scaling; -1 = none computed
+  double closureError = -1.0;  ///< of the form factors before scaling; -1 = none computed
   std::unique_ptr<Field> field;
-  LightMapValues values;                     // finish
+  LightMapValues values;  // finish
   ErrorLedger ledger;
-  float scale = 1.0f;                        ///< E = stored value * scale
+  float scale = 1.0f;  ///< E = stored value * scale
 
-  std::string summary;                       ///< of the stage that runs, for the log
+  std::string summary;  ///< of the stage that runs, for the log
   double tail() const { return std::max(solutions[0].tail, solutions[1].tail) + clampedAway; }
   double tailEstimate() const { return std::max(solutions[0].tailEstimate, solutions[1].tailEstimate); }
 };
@@ -46,7 +46,7 @@ struct Bake {
 struct StageRow {
   const char* name;
   const char* product;
-  double share;                              ///< of the whole job's time, about: for the bar alone
+  double share;  ///< of the whole job's time, about: for the bar alone
   void (*work)(Bake&);
 };
 

@@ -23,7 +23,8 @@ Light pointLight(glm::dvec3 at, float candela) {
 /// Value at the texel that holds this place of the quad (0..1 along u and v); cells of a 4 x 4 layout with margins of a tenth.
 Rgb at(const test::Baked& b, std::uint32_t object, double u, double v) {
   const double cell = 0.25, margin = 0.025;
-  const int x = int((double(object % 4) * cell + margin + (cell - 2 * margin) * u) * b.map.width), y = int((double(object / 4) * cell + margin + (cell - 2 * margin) * v) * b.map.height);
+  const int x = int((double(object % 4) * cell + margin + (cell - 2 * margin) * u) * b.map.width),
+            y = int((double(object / 4) * cell + margin + (cell - 2 * margin) * v) * b.map.height);
   return b.values.direct[std::size_t(y) * std::size_t(b.map.width) + std::size_t(x)];
 }
 
@@ -46,26 +47,27 @@ TEST(DirectLight, UnoccludedEmitterIsTheClosedFormWithoutNoise) {
   SceneBuilder s;
   const auto black = s.material(Rgb(0.0f)), lamp = s.material(Rgb(0.0f), Rgb(3.0f, 2.0f, 1.0f));
   s.quad({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, black);
-  s.quad({-0.5f, 2, -0.5f}, {1, 0, 0}, {0, 0, 1}, lamp);   // faces down
+  s.quad({-0.5f, 2, -0.5f}, {1, 0, 0}, {0, 0, 1}, lamp);  // faces down
   const test::Baked b = bakeScene(s.scene, {.side = 320, .bounce = false});
   const Polygon3 panel{{-0.5, 2, -0.5}, {0.5, 2, -0.5}, {0.5, 2, 0.5}, {-0.5, 2, 0.5}};
   for (const double wish : {0.1, 0.5, 0.9}) {
     const double u = centre(wish, 64);
     const double exact = kPi * elementToPolygon({-1 + 2 * u, 0, 1 - 2 * u}, {0, 1, 0}, panel);
     const Rgb got = at(b, 0, u, u);
-    EXPECT_NEAR(got.r, 3.0 * exact, 2e-3 * 3.0 * exact);   // 8 places of a texel of 1/64, E falling by up to 1.5 % across it: 1.5 % / 8
+    EXPECT_NEAR(got.r, 3.0 * exact, 2e-3 * 3.0 * exact);  // 8 places of a texel of 1/64, E falling by up to 1.5 % across it: 1.5 % / 8
     EXPECT_NEAR(got.g / got.r, 2.0 / 3.0, 1e-6);
   }
   EXPECT_LT(b.ledger.noise, 1e-3);
 }
 
 TEST(DirectLight, PenumbraOfAHalfPlane) {
-  // The lamp 1 x 1 at height 3, an edge at height 1 over x < 0: the place x sees the part of the lamp beyond the edge, exactly a smaller rectangle.
+  // The lamp 1 x 1 at height 3, an edge at height 1 over x < 0: the place x sees the part of the lamp beyond the edge, exactly a smaller
+  // rectangle.
   SceneBuilder s;
   const auto black = s.material(Rgb(0.0f)), lamp = s.material(Rgb(0.0f), Rgb(1.0f));
   s.quad({-1, 0, 1}, {2, 0, 0}, {0, 0, -2}, black);
   s.quad({-0.5f, 3, -0.5f}, {1, 0, 0}, {0, 0, 1}, lamp);
-  s.quad({-50, 1, -50}, {50, 0, 0}, {0, 0, 100}, black);   // blocker, edge at x = 0
+  s.quad({-50, 1, -50}, {50, 0, 0}, {0, 0, 100}, black);  // blocker, edge at x = 0
   s.scene.objects[2].receive = false;
   const test::Baked b = bakeScene(s.scene, {.side = 640, .goal = 0.01, .bounce = false});
   for (const double wish : {-0.2, -0.05, 0.05, 0.2}) {
@@ -83,8 +85,8 @@ TEST(DirectLight, SunEdgeInsideATexelIsItsShare) {
   // A wall's straight shadow covers 30 % of one column of texels.
   SceneBuilder s;
   const auto black = s.material(Rgb(0.0f));
-  s.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, black);                       // 16 x 16 texels at side 80
-  s.quad({-5, 1, 5}, {5.0f + 0.5f + 0.3f / 16.0f, 0, 0}, {0, 0, -10}, black);   // roof with its edge 0.3 texels into the ninth column
+  s.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, black);                             // 16 x 16 texels at side 80
+  s.quad({-5, 1, 5}, {5.0f + 0.5f + 0.3f / 16.0f, 0, 0}, {0, 0, -10}, black);  // roof with its edge 0.3 texels into the ninth column
   s.scene.objects[1].receive = false;
   Light sun;
   sun.kind = Light::Kind::Directional;
@@ -116,7 +118,7 @@ TEST(Sky, WallHidesItsShare) {
   SceneBuilder s;
   const auto black = s.material(Rgb(0.0f));
   s.quad({-0.1f, 0, 0.1f}, {0.2f, 0, 0}, {0, 0, -0.2f}, black);
-  s.quad({-200, -0.5f, -1}, {400, 0, 0}, {0, 2.5f, 0}, black);   // faces +z, top at 2, distance 1
+  s.quad({-200, -0.5f, -1}, {400, 0, 0}, {0, 2.5f, 0}, black);  // faces +z, top at 2, distance 1
   s.scene.objects[1].receive = false;
   s.scene.sky = Rgb(1.0f);
   const test::Baked b = bakeScene(s.scene, {.side = 32, .goal = 0.005, .bounce = false});
@@ -140,7 +142,8 @@ Scene colouredLamps(Rgb red, Rgb blue) {
 TEST(DirectLight, LampsOfDifferentColoursAddUp) {
   // A small blue lamp beside a large red one once lost a third of its light: no ray of a texel chose it.
   const Rgb red(5.0f, 0.0f, 0.0f), blue(0.0f, 0.0f, 3.0f);
-  const test::Baked both = bakeScene(colouredLamps(red, blue), {.bounce = false}), one = bakeScene(colouredLamps(red, Rgb(0.0f)), {.bounce = false}),
+  const test::Baked both = bakeScene(colouredLamps(red, blue), {.bounce = false}),
+                    one = bakeScene(colouredLamps(red, Rgb(0.0f)), {.bounce = false}),
                     other = bakeScene(colouredLamps(Rgb(0.0f), blue), {.bounce = false});
   EXPECT_NEAR(both.mean(0).x, one.mean(0).x, 5e-3 * one.mean(0).x);
   EXPECT_NEAR(both.mean(0).z, other.mean(0).z, 5e-3 * other.mean(0).z);
@@ -185,7 +188,7 @@ TEST(DirectLight, ALampInASurfaceShines) {
   SceneBuilder s;
   const auto black = s.material(Rgb(0.0f));
   s.room({-1, 0, -1}, {1, 2, 1}, {black, black, black, black, black, black});
-  s.scene.lights.push_back(pointLight({0.3, 2.0, 0.1}, 10.0f));   // in the plane of the ceiling
+  s.scene.lights.push_back(pointLight({0.3, 2.0, 0.1}, 10.0f));  // in the plane of the ceiling
   EXPECT_GT(bakeScene(s.scene, {.bounce = false}).mean(2).x, 1.0);
 }
 

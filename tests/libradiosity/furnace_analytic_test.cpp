@@ -21,15 +21,17 @@ TEST_P(Furnace, IlluminanceIsTheClosedForm) {
   EXPECT_LT(b.solution.energy.imbalance(), 0.005);
 }
 
-INSTANTIATE_TEST_SUITE_P(Albedo, Furnace, testing::Combine(testing::Values(0.1f, 0.5f, 0.9f, 0.99f), testing::Bool()),
-                         [](const auto& i) { return std::string(std::get<1>(i.param) ? "Dense" : "Shooting") + std::to_string(int(100.0f * std::get<0>(i.param) + 0.5f)); });
+INSTANTIATE_TEST_SUITE_P(Albedo, Furnace, testing::Combine(testing::Values(0.1f, 0.5f, 0.9f, 0.99f), testing::Bool()), [](const auto& i) {
+  return std::string(std::get<1>(i.param) ? "Dense" : "Shooting") + std::to_string(int(100.0f * std::get<0>(i.param) + 0.5f));
+});
 
 TEST(DenseSolver, FewIterationsAtAnyAlbedo) {
   for (const float rho : {0.5f, 0.95f, 0.999f}) {
     const test::Baked b = bakeScene(furnace(rho, 1.0f), {.side = 32, .patchSize_m = 1.0, .dense = true});
     EXPECT_LE(b.solution.passes, 12) << rho;
     EXPECT_EQ(b.solution.stop, Stop::Energy);
-    EXPECT_NEAR(b.solution.illuminance[0].x, rho * kPi / (1.0f - rho), 2e-3 * rho * kPi / (1.0f - rho)) << rho;   // E less its direct part pi
+    EXPECT_NEAR(b.solution.illuminance[0].x, rho * kPi / (1.0f - rho), 2e-3 * rho * kPi / (1.0f - rho))
+        << rho;  // E less its direct part pi
   }
 }
 
@@ -39,14 +41,14 @@ TEST(FormFactors, RowsSumToOneInAClosedRoomAndAreReciprocal) {
   const Tracer tracer(scene);
   const PatchMesh mesh = makePatches(scene, {.size_m = 0.8}, run);
   const FormFactors f = computeFormFactors(scene, tracer, mesh, run);
-  EXPECT_LT(f.closureError, 2e-3);   // the ladder's own error, before rows are scaled
+  EXPECT_LT(f.closureError, 2e-3);  // the ladder's own error, before rows are scaled
   for (std::size_t i = 0; i < f.size; ++i) {
     double row = 0.0;
     for (std::size_t j = 0; j < f.size; ++j) {
       row += f.at(i, j);
       EXPECT_EQ(f.at(i, j), f.at(j, i));
     }
-    EXPECT_NEAR(row / mesh.patches[i].area_m2, 1.0, 1e-6);   // float storage of a few hundred entries
+    EXPECT_NEAR(row / mesh.patches[i].area_m2, 1.0, 1e-6);  // float storage of a few hundred entries
   }
 }
 
@@ -79,7 +81,7 @@ TEST(Shooting, OnePassIsOneBounce) {
     // Exitance: rho pi (1 + ... + rho^k) of 2 rho pi is there.
     const double there = 1.0 - std::pow(0.5, k + 1);
     missing = (1.0 - there) / there;
-    EXPECT_NEAR(mean, exact, 2e-3 * exact);   // energy is exact; 64 places of direct light are not
+    EXPECT_NEAR(mean, exact, 2e-3 * exact);  // energy is exact; 64 places of direct light are not
     EXPECT_GE(s.tail, missing * 0.99) << "the printed bound holds what was left out";
     EXPECT_NEAR(s.tailEstimate, missing, 0.02 * missing) << "passes of a furnace fall by rho";
   }

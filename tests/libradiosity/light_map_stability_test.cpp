@@ -54,7 +54,8 @@ TEST(LightMap, SizeOfTheLevelDoesNotMatter) {
   const test::Baked metre = bakeScene(room(), {});
   for (const float scale : {1e-3f, 1e3f}) {
     const test::Baked other = bakeScene(room(scale), {.patchSize_m = 0.5 * double(scale)});
-    // Same random numbers, other roundings: samples at edges and the patches' cuts may fall to the other side; both stay inside their own stated errors.
+    // Same random numbers, other roundings: samples at edges and the patches' cuts may fall to the other side; both stay inside their own
+    // stated errors.
     EXPECT_LT(difference(metre, other), metre.ledger.bound95 + other.ledger.bound95) << scale;
     EXPECT_NEAR(other.ledger.mean, metre.ledger.mean, 2e-3 * metre.ledger.mean) << scale;
   }
@@ -75,7 +76,7 @@ TEST(LightMap, LitRoomBesideADarkOneStaysDark) {
   test::SceneBuilder s;
   const auto white = s.material(Rgb(0.8f));
   s.room({0, 0, 0}, {2, 2, 2}, {white, white, white, white, white, white});
-  s.room({2, 0, 0}, {4, 2, 2}, {white, white, white, white, white, white});   // the walls touch, back to back
+  s.room({2, 0, 0}, {4, 2, 2}, {white, white, white, white, white, white});  // the walls touch, back to back
   Light l;
   l.path = "/lamp";
   l.position_m = {1, 1, 1};

@@ -25,9 +25,9 @@ TEST(Attenuation, WindowSaturatesTheDifference) {
 }
 
 TEST(Attenuation, GuardCasesStayFinite) {
-  EXPECT_EQ(attenuation({0.0, 0.0, 0.0, 0.0, 2.0}, 1.0), 0.0);   // all zero
-  EXPECT_EQ(attenuation({0.0, 1.0, 0.0, 0.0, 2.0}, 0.0), 0.0);   // d = 0 with c = 0
-  EXPECT_EQ(attenuation({1.0, 0.0, 0.0, 0.0, 2.0}, 5.0), 1.0);   // range 0: no window
+  EXPECT_EQ(attenuation({0.0, 0.0, 0.0, 0.0, 2.0}, 1.0), 0.0);  // all zero
+  EXPECT_EQ(attenuation({0.0, 1.0, 0.0, 0.0, 2.0}, 0.0), 0.0);  // d = 0 with c = 0
+  EXPECT_EQ(attenuation({1.0, 0.0, 0.0, 0.0, 2.0}, 5.0), 1.0);  // range 0: no window
 }
 
 TEST(PointLight, IsCandelaOverDistanceSquared) {
@@ -53,11 +53,11 @@ TEST(SpotLight, ConeIsTheSquaredRamp) {
   l.cosInner = 0.9;
   l.cosOuter = 0.6;
   const auto at = [&](double cosine) {
-    const double x = std::sqrt(1.0 / (cosine * cosine) - 1.0);   // on the floor
-    return incoming(l, {x, 0, 0}, {0, 1, 0}).illuminance.x / std::pow(cosine, 3.0);   // without cos and 1/d^2
+    const double x = std::sqrt(1.0 / (cosine * cosine) - 1.0);                       // on the floor
+    return incoming(l, {x, 0, 0}, {0, 1, 0}).illuminance.x / std::pow(cosine, 3.0);  // without cos and 1/d^2
   };
   EXPECT_NEAR(at(0.95), 1.0, 1e-12);
-  EXPECT_NEAR(at(0.75), 0.25, 1e-12);   // half of the ramp, squared
+  EXPECT_NEAR(at(0.75), 0.25, 1e-12);  // half of the ramp, squared
   EXPECT_EQ(at(0.55), 0.0);
 }
 
@@ -94,7 +94,8 @@ TEST(Culling, NeverLosesALightThatReaches) {
     const double radius = 0.1 + (i % 7) * 0.4;
     bool lit = false;
     for (int k = 0; k < 500 && !lit; ++k) {
-      const glm::dvec3 p = centre + radius * std::cbrt((k + 0.5) / 500.0) * glm::normalize(glm::dvec3(std::sin(k * 12.9), std::sin(k * 78.2), std::sin(k * 37.7)));
+      const glm::dvec3 p = centre + radius * std::cbrt((k + 0.5) / 500.0) *
+                                        glm::normalize(glm::dvec3(std::sin(k * 12.9), std::sin(k * 78.2), std::sin(k * 37.7)));
       lit = incoming(l, p, glm::normalize(l.position_m - p)).illuminance.x > 0.0;
     }
     const bool reach = mayReach(l, centre, radius);
@@ -102,7 +103,7 @@ TEST(Culling, NeverLosesALightThatReaches) {
     ++(reach ? kept : dropped);
   }
   EXPECT_GT(kept, 20);
-  EXPECT_GT(dropped, 100);   // the rule does settle something
+  EXPECT_GT(dropped, 100);  // the rule does settle something
 }
 
 }  // namespace

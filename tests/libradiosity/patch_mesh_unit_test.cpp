@@ -28,7 +28,7 @@ TEST(PatchMesh, KeepsTheAreaAndTheSizeLimit) {
 TEST(PatchMesh, SmallTrianglesAreGrouped) {
   test::SceneBuilder b;
   const auto m = b.material(Rgb(0.5f));
-  b.quad({0, 0, 0}, {4, 0, 0}, {0, 0, -4}, m, 64);   // 8192 triangles
+  b.quad({0, 0, 0}, {4, 0, 0}, {0, 0, -4}, m, 64);  // 8192 triangles
   const PatchMesh mesh = makePatches(b.scene, {.size_m = 0.5}, {});
   EXPECT_LT(mesh.patches.size(), 300u);
   EXPECT_GT(mesh.patches.size(), 60u);
@@ -66,8 +66,8 @@ TEST(PatchMesh, GroupsEndAtCreasesAndMaterials) {
   test::SceneBuilder b;
   const auto white = b.material(Rgb(0.8f)), dark = b.material(Rgb(0.1f));
   b.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, white, 8);
-  b.quad({1, 0, 0}, {1, 0, 0}, {0, 0, -1}, dark, 8);    // same plane
-  b.quad({0, 0, -1}, {1, 0, 0}, {0, 1, 0}, white, 8);   // upright
+  b.quad({1, 0, 0}, {1, 0, 0}, {0, 0, -1}, dark, 8);   // same plane
+  b.quad({0, 0, -1}, {1, 0, 0}, {0, 1, 0}, white, 8);  // upright
   const PatchMesh mesh = makePatches(b.scene, {.size_m = 10.0}, {});
   EXPECT_EQ(mesh.patches.size(), 3u);
 }
@@ -83,8 +83,9 @@ TEST(PatchMesh, CapIsKeptByGrowing) {
 TEST(PatchMesh, NonManifoldEdgesDoNotEndTheRun) {
   test::SceneBuilder b;
   const auto m = b.material(Rgb(0.5f));
-  for (int i = 0; i < 3; ++i) b.quad({0, 0, 0}, {1, 0, 0}, {0, std::cos(2.1f * float(i)), std::sin(2.1f * float(i))}, m);   // three wings on one edge
-  b.quad({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, m);   // and the first once more
+  for (int i = 0; i < 3; ++i)
+    b.quad({0, 0, 0}, {1, 0, 0}, {0, std::cos(2.1f * float(i)), std::sin(2.1f * float(i))}, m);  // three wings on one edge
+  b.quad({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, m);                                                    // and the first once more
   const PatchMesh mesh = makePatches(b.scene, {.size_m = 0.3}, {});
   EXPECT_NEAR(totalArea(mesh), 4.0, 1e-6);
   EXPECT_GT(mesh.unjoined, 0u);

@@ -126,7 +126,7 @@ TEST_F(Files, ErrorsStayOnOneLine) {
 TEST_F(Files, ExrKeepsChannelsAndAttributes) {
   std::vector<float> r(100 * 70), a(100 * 70);
   for (std::size_t i = 0; i < r.size(); ++i) {
-    r[i] = float(i % 2048);   // exact in half
+    r[i] = float(i % 2048);  // exact in half
     a[i] = float(i % 2);
   }
   for (int run = 0; run < 2; ++run) {

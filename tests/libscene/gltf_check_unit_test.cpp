@@ -10,7 +10,7 @@ namespace {
 
 struct Fault {
   const char* name;
-  const char* patch;   ///< RFC 7396 would not do for arrays: an RFC 6902 list
+  const char* patch;  ///< RFC 7396 would not do for arrays: an RFC 6902 list
   Exit kind;
   const char* where;
   const char* code;
@@ -23,12 +23,13 @@ constexpr Fault kFaults[] = {
     {"VersionOne", R"([{"op":"add","path":"/asset/version","value":"1.0"}])", Exit::Unsupported, "/asset/version", "LMC_VERSION"},
     {"VersionIsAWord", R"([{"op":"add","path":"/asset/version","value":"two"}])", Exit::Broken, "/asset/version", "LMC_VERSION"},
     {"MinVersion", R"([{"op":"add","path":"/asset/minVersion","value":"2.1"}])", Exit::Unsupported, "/asset/minVersion", "LMC_VERSION"},
-    {"RequiredUnknown", R"([{"op":"add","path":"/extensionsUsed","value":["A_b"]},{"op":"add","path":"/extensionsRequired","value":["A_b"]}])",
+    {"RequiredUnknown",
+     R"([{"op":"add","path":"/extensionsUsed","value":["A_b"]},{"op":"add","path":"/extensionsRequired","value":["A_b"]}])",
      Exit::Unsupported, "/extensionsRequired/0", "LMC_EXTENSION"},
     {"RequiredDraco", R"([{"op":"add","path":"/extensionsRequired","value":["KHR_draco_mesh_compression"]}])", Exit::Unsupported,
      "/extensionsRequired/0", "LMC_EXTENSION"},
-    {"RequiredNotUsed", R"([{"op":"add","path":"/extensionsRequired","value":["KHR_materials_ior"]}])", Exit::Broken, "/extensionsRequired/0",
-     "LMC_EXTENSION"},
+    {"RequiredNotUsed", R"([{"op":"add","path":"/extensionsRequired","value":["KHR_materials_ior"]}])", Exit::Broken,
+     "/extensionsRequired/0", "LMC_EXTENSION"},
     {"MeshesAnObject", R"([{"op":"add","path":"/meshes","value":{}}])", Exit::Broken, "/meshes", "LMC_JSON_SCHEMA"},
     {"IndexFraction", R"([{"op":"add","path":"/nodes/0/mesh","value":0.5}])", Exit::Broken, "/nodes/0/mesh", "LMC_REFERENCE"},
     {"IndexHuge", R"([{"op":"add","path":"/nodes/0/mesh","value":1e300}])", Exit::Broken, "/nodes/0/mesh", "LMC_REFERENCE"},
@@ -37,35 +38,39 @@ constexpr Fault kFaults[] = {
     {"SceneMissing", R"([{"op":"add","path":"/scene","value":1}])", Exit::Broken, "/scene", "LMC_REFERENCE"},
     {"NoRoot", R"([{"op":"add","path":"/nodes/1","value":{"children":[0]}}])", Exit::Broken, "/scenes/0/nodes/0", "LMC_NODE_PARENTS"},
     {"OwnChild", R"([{"op":"add","path":"/nodes/0/children","value":[0]}])", Exit::Broken, "/nodes/0", "LMC_NODE_CYCLE"},
-    {"Cycle", R"([{"op":"add","path":"/nodes/1","value":{"children":[2]}},{"op":"add","path":"/nodes/2","value":{"children":[1]}}])", Exit::Broken,
-     "/nodes/1", "LMC_NODE_CYCLE"},
-    {"ChildTwice", R"([{"op":"add","path":"/nodes/1","value":{}},{"op":"add","path":"/nodes/0/children","value":[1,1]}])", Exit::Broken, "/nodes/1",
-     "LMC_NODE_PARENTS"},
+    {"Cycle", R"([{"op":"add","path":"/nodes/1","value":{"children":[2]}},{"op":"add","path":"/nodes/2","value":{"children":[1]}}])",
+     Exit::Broken, "/nodes/1", "LMC_NODE_CYCLE"},
+    {"ChildTwice", R"([{"op":"add","path":"/nodes/1","value":{}},{"op":"add","path":"/nodes/0/children","value":[1,1]}])", Exit::Broken,
+     "/nodes/1", "LMC_NODE_PARENTS"},
     {"Matrix15", R"([{"op":"add","path":"/nodes/0/matrix","value":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0]}])", Exit::Broken, "/nodes/0/matrix",
      "LMC_JSON_SCHEMA"},
-    {"MatrixPerspective", R"([{"op":"add","path":"/nodes/0/matrix","value":[1,0,0,1,0,1,0,0,0,0,1,0,0,0,0,1]}])", Exit::Broken, "/nodes/0/matrix",
-     "LMC_MATRIX_BAD"},
+    {"MatrixPerspective", R"([{"op":"add","path":"/nodes/0/matrix","value":[1,0,0,1,0,1,0,0,0,0,1,0,0,0,0,1]}])", Exit::Broken,
+     "/nodes/0/matrix", "LMC_MATRIX_BAD"},
     {"RotationZero", R"([{"op":"add","path":"/nodes/0/rotation","value":[0,0,0,0]}])", Exit::Broken, "/nodes/0/rotation", "LMC_ROTATION"},
-    {"ViewPastBuffer", R"([{"op":"add","path":"/bufferViews/0/byteLength","value":4000}])", Exit::Broken, "/bufferViews/0", "LMC_BUFFER_VIEW"},
+    {"ViewPastBuffer", R"([{"op":"add","path":"/bufferViews/0/byteLength","value":4000}])", Exit::Broken, "/bufferViews/0",
+     "LMC_BUFFER_VIEW"},
     {"ViewOffsetWraps", R"([{"op":"add","path":"/bufferViews/0/byteOffset","value":18446744073709551608}])", Exit::Broken,
      "/bufferViews/0/byteOffset", "LMC_BUFFER_VIEW"},
-    {"StrideThree", R"([{"op":"add","path":"/bufferViews/0/byteStride","value":3}])", Exit::Broken, "/bufferViews/0/byteStride", "LMC_STRIDE"},
+    {"StrideThree", R"([{"op":"add","path":"/bufferViews/0/byteStride","value":3}])", Exit::Broken, "/bufferViews/0/byteStride",
+     "LMC_STRIDE"},
     {"StrideSmall", R"([{"op":"add","path":"/bufferViews/0/byteStride","value":8}])", Exit::Broken, "/accessors/0", "LMC_STRIDE"},
     {"CountPastView", R"([{"op":"add","path":"/accessors/0/count","value":5}])", Exit::Broken, "/accessors/0", "LMC_ACCESSOR_RANGE"},
-    {"CountWraps", R"([{"op":"add","path":"/accessors/0/count","value":9223372036854775808}])", Exit::Broken, "/accessors/0", "LMC_ACCESSOR_RANGE"},
+    {"CountWraps", R"([{"op":"add","path":"/accessors/0/count","value":9223372036854775808}])", Exit::Broken, "/accessors/0",
+     "LMC_ACCESSOR_RANGE"},
     {"CountZero", R"([{"op":"add","path":"/accessors/0/count","value":0}])", Exit::Broken, "/accessors/0/count", "LMC_JSON_SCHEMA"},
-    {"ZerosBomb", R"([{"op":"remove","path":"/accessors/0/bufferView"},{"op":"add","path":"/accessors/0/count","value":1000000000}])", Exit::Broken,
-     "/accessors/0", "LMC_MEMORY_LIMIT"},
-    {"Unaligned", R"([{"op":"add","path":"/accessors/1/byteOffset","value":1},{"op":"add","path":"/accessors/1/count","value":3}])", Exit::Broken,
-     "/accessors/1", "LMC_ALIGNMENT"},
+    {"ZerosBomb", R"([{"op":"remove","path":"/accessors/0/bufferView"},{"op":"add","path":"/accessors/0/count","value":1000000000}])",
+     Exit::Broken, "/accessors/0", "LMC_MEMORY_LIMIT"},
+    {"Unaligned", R"([{"op":"add","path":"/accessors/1/byteOffset","value":1},{"op":"add","path":"/accessors/1/count","value":3}])",
+     Exit::Broken, "/accessors/1", "LMC_ALIGNMENT"},
     {"ComponentType", R"([{"op":"add","path":"/accessors/0/componentType","value":5124}])", Exit::Broken, "/accessors/0/componentType",
      "LMC_ACCESSOR_TYPE"},
     {"ElementType", R"([{"op":"add","path":"/accessors/0/type","value":"VEC5"}])", Exit::Broken, "/accessors/0/type", "LMC_ACCESSOR_TYPE"},
-    {"PositionVec2", R"([{"op":"add","path":"/accessors/0/type","value":"VEC2"}])", Exit::Broken, "/meshes/0/primitives/0/attributes/POSITION",
-     "LMC_ACCESSOR_TYPE"},
-    {"AttributeCount", R"([{"op":"add","path":"/accessors/2/count","value":3}])", Exit::Broken, "/meshes/0/primitives/0/attributes/TEXCOORD_0",
-     "LMC_ATTRIBUTE_COUNT"},
-    {"Mode", R"([{"op":"add","path":"/meshes/0/primitives/0/mode","value":7}])", Exit::Broken, "/meshes/0/primitives/0/mode", "LMC_MODE_BAD"},
+    {"PositionVec2", R"([{"op":"add","path":"/accessors/0/type","value":"VEC2"}])", Exit::Broken,
+     "/meshes/0/primitives/0/attributes/POSITION", "LMC_ACCESSOR_TYPE"},
+    {"AttributeCount", R"([{"op":"add","path":"/accessors/2/count","value":3}])", Exit::Broken,
+     "/meshes/0/primitives/0/attributes/TEXCOORD_0", "LMC_ATTRIBUTE_COUNT"},
+    {"Mode", R"([{"op":"add","path":"/meshes/0/primitives/0/mode","value":7}])", Exit::Broken, "/meshes/0/primitives/0/mode",
+     "LMC_MODE_BAD"},
     {"BufferShort", R"([{"op":"add","path":"/buffers/0/byteLength","value":100000}])", Exit::Broken, "/buffers/0", "LMC_BUFFER_LENGTH"},
     {"AlbedoAboveOne", R"([{"op":"add","path":"/materials/0/pbrMetallicRoughness/baseColorFactor","value":[2,1,1,1]}])", Exit::Broken,
      "/materials/0/pbrMetallicRoughness/baseColorFactor/0", "LMC_ALBEDO_RANGE"},
@@ -134,8 +139,9 @@ TEST(JsonText, AMemberThatStandsTwiceIsFound) {
 
 TEST(JsonText, OnlyJsonIsTaken) {
   Folder folder;
-  for (const char* text : {"", "{", "[]", R"({"asset":{"version":"2.0"},})", R"({"asset":{"version":"2.0"}} x)",
-                           R"({"asset":{"version":"2.0"},"a":NaN})", R"({"asset":{"version":"2.0"},"a":1e999})", "{/*c*/}", "{\"a\":\"\xff\"}"})
+  for (const char* text :
+       {"", "{", "[]", R"({"asset":{"version":"2.0"},})", R"({"asset":{"version":"2.0"}} x)", R"({"asset":{"version":"2.0"},"a":NaN})",
+        R"({"asset":{"version":"2.0"},"a":1e999})", "{/*c*/}", "{\"a\":\"\xff\"}"})
     EXPECT_EQ(errorOf(folder.write("a.gltf", text)).code, "LMC_JSON") << text;
 }
 

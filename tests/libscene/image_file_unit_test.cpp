@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <jpeglib.h>
 #include <cstdio>
 #include <cstdlib>
-#include <jpeglib.h>
 
 namespace lmc {
 namespace {
@@ -70,7 +70,7 @@ TEST(ImageFile, AGreyJpegBecomesRgba) {
 
 TEST(ImageFile, SizesAreJudgedOnTheHeader) {
   auto png = encodePng(pattern(4, 4), false);
-  png[16] = 0x7f;   // the width becomes 2130706436
+  png[16] = 0x7f;  // the width becomes 2130706436
   EXPECT_EQ(decodeImage(png, kMany).problem.value().code, "LMC_TEXTURE_TOO_LARGE");
   EXPECT_EQ(decodeImage(encodePng(pattern(4, 4), false), 15).problem.value().code, "LMC_TEXTURE_TOO_LARGE");
   EXPECT_EQ(decodeImage(jpegOf(4, 4, 9), 15).problem.value().code, "LMC_TEXTURE_TOO_LARGE");
@@ -80,7 +80,7 @@ TEST(ImageFile, SizesAreJudgedOnTheHeader) {
 
 TEST(ImageFile, ACutFileIsRefusedAtEveryLength) {
   const auto png = encodePng(pattern(8, 8), true);
-  const std::size_t end = png.size() - 12 - 4;   // before IEND and the checksum of the data
+  const std::size_t end = png.size() - 12 - 4;  // before IEND and the checksum of the data
   for (std::size_t size = 0; size < end; ++size) EXPECT_TRUE(decodeImage(std::span(png).first(size), kMany).problem) << size;
   const auto jpeg = jpegOf(8, 8, 40);
   for (std::size_t size = 0; size < jpeg.size(); ++size) {
@@ -91,7 +91,7 @@ TEST(ImageFile, ACutFileIsRefusedAtEveryLength) {
 
 TEST(ImageFile, AWrongChecksumCostsAWarning) {
   auto png = encodePng(pattern(8, 8), true);
-  png[png.size() - 13] ^= 1;   // the last byte of the data's checksum
+  png[png.size() - 13] ^= 1;  // the last byte of the data's checksum
   const DecodedImage got = decodeImage(png, kMany);
   ASSERT_FALSE(got.problem) << got.problem->text;
   EXPECT_NE(got.warning, "");
@@ -100,7 +100,8 @@ TEST(ImageFile, AWrongChecksumCostsAWarning) {
 
 TEST(ImageFile, OtherKindsAreNamedAsSuch) {
   const std::string gif = "GIF89a.............";
-  EXPECT_EQ(decodeImage(std::span(reinterpret_cast<const std::uint8_t*>(gif.data()), gif.size()), kMany).problem.value().code, "LMC_TEXTURE_TYPE");
+  EXPECT_EQ(decodeImage(std::span(reinterpret_cast<const std::uint8_t*>(gif.data()), gif.size()), kMany).problem.value().code,
+            "LMC_TEXTURE_TYPE");
   EXPECT_TRUE(decodeImage({}, kMany).problem);
 }
 

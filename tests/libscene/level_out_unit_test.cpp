@@ -81,7 +81,7 @@ TEST(LevelOut, TheSameLevelIsTheSameBytes) {
 TEST(LevelOut, APictureThatIsNotThereStaysNamed) {
   Folder folder;
   Builder b = richLevel(folder);
-  b.json["images"].push_back({{"uri", "gone.png"}});   // no diffuse light depends on it
+  b.json["images"].push_back({{"uri", "gone.png"}});  // no diffuse light depends on it
   EXPECT_EQ(jsonOf(levelWithMaps(b.save(folder), {}, {}, {}))["images"][1]["uri"], "gone.png");
 }
 

@@ -11,7 +11,7 @@
 namespace lmc::test {
 namespace {
 
-constexpr float kUlps = 1e-6f;   // a few steps of a float near 1
+constexpr float kUlps = 1e-6f;  // a few steps of a float near 1
 
 glm::vec3 faceNormal(const Scene& scene, std::uint32_t triangle) {
   const auto c = scene.corners_m(triangle);
@@ -61,7 +61,7 @@ TEST(Level, TransformsMultiplyDownTheTreeAsMatrixOrTrs) {
   Builder b = squareLevel();
   const double half = std::numbers::sqrt2 / 2;
   b.json["nodes"] = {{{"matrix", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 10, 0, 0, 1}}, {"children", {1}}},
-                     {{"mesh", 0}, {"translation", {0, 1, 0}}, {"rotation", {0, 0, half, half}}}};   // a quarter turn about z
+                     {{"mesh", 0}, {"translation", {0, 1, 0}}, {"rotation", {0, 0, half, half}}}};  // a quarter turn about z
   const Scene scene = load(b.save(folder));
   // (1, 0, 0) -> (0, 1, 0) -> (0, 2, 0) -> (10, 4, 0)
   EXPECT_LT(glm::distance(glm::dvec3(scene.positions_m[1]) + scene.centre_m, glm::dvec3(10, 4, 0)), kUlps);
@@ -145,7 +145,7 @@ TEST(Level, QuantizedValuesAreScaledAsTheSpecificationSays) {
   b.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = normals;
   const Scene scene = load(b.save(folder));
   EXPECT_EQ(scene.normals[0], glm::vec3(0, 0, 1));
-  EXPECT_EQ(scene.normals[1], glm::vec3(0, 0, -1));   // -128 is clamped to -1
+  EXPECT_EQ(scene.normals[1], glm::vec3(0, 0, -1));  // -128 is clamped to -1
 }
 
 TEST(Level, GpuInstancesAreObjectsOfTheirOwn) {
@@ -173,7 +173,8 @@ TEST(Level, PathsAreUnique) {
 TEST(Level, ExtrasAreInheritedDownTheTree) {
   Folder folder;
   Builder b = squareLevel();
-  b.json["scenes"][0]["extras"]["lmc"] = {{"sky", {{"radiance", {1, 2, 3}}}}, {"lightmap", {{"resolution", 256}, {"texels_per_metre", 8.5}}}};
+  b.json["scenes"][0]["extras"]["lmc"] = {{"sky", {{"radiance", {1, 2, 3}}}},
+                                          {"lightmap", {{"resolution", 256}, {"texels_per_metre", 8.5}}}};
   b.json["nodes"] = {{{"children", {1, 2, 3}}, {"extras", {{"lmc", {{"cast", false}, {"texelsPerMetre", 4}}}}}},
                      {{"mesh", 0}},
                      {{"mesh", 0}, {"extras", {{"lmc", {{"cast", true}, {"receive", false}}}}}},
@@ -196,7 +197,8 @@ TEST(Level, AnimatedNodesAreDynamicUnlessThereIsNothingElse) {
   Builder b = squareLevel();
   b.json["scenes"][0]["nodes"] = {0, 1};
   b.json["nodes"] = {{{"children", {2}}}, {{"mesh", 0}}, {{"mesh", 0}}};
-  b.json["animations"] = {{{"channels", {{{"sampler", 0}, {"target", {{"node", 0}, {"path", "translation"}}}}}}, {"samplers", Json::array()}}};
+  b.json["animations"] = {
+      {{"channels", {{{"sampler", 0}, {"target", {{"node", 0}, {"path", "translation"}}}}}}, {"samplers", Json::array()}}};
   EXPECT_EQ(load(b.save(folder)).objects.size(), 1u);
   b.json["scenes"][0]["nodes"] = {0};
   const Scene atRest = loadLevel(b.save(folder), {}, heard.run);
@@ -220,7 +222,7 @@ TEST(Level, LightsStandAndPointAsTheirNode) {
   const double half = std::numbers::sqrt2 / 2;
   b.json["nodes"][1]["translation"] = {0, 5, 0};
   b.json["nodes"][1]["scale"] = {3, 3, 3};
-  b.json["nodes"][1]["rotation"] = {-half, 0, 0, half};   // -z to -y
+  b.json["nodes"][1]["rotation"] = {-half, 0, 0, half};  // -z to -y
   const Scene scene = load(b.save(folder));
   ASSERT_EQ(scene.lights.size(), 1u);
   const Light& light = scene.lights[0];
@@ -260,12 +262,13 @@ TEST(Level, MaterialsKeepWhatDecidesAboutDiffuseLight) {
   Folder folder;
   Builder b = squareLevel();
   b.json["extensionsUsed"] = {"KHR_materials_emissive_strength", "KHR_materials_transmission"};
-  b.json["materials"][0] = {{"emissiveFactor", {1, 0.5, 0}},
-                            {"alphaMode", "MASK"},
-                            {"alphaCutoff", 0.25},
-                            {"doubleSided", true},
-                            {"extensions",
-                             {{"KHR_materials_emissive_strength", {{"emissiveStrength", 10}}}, {"KHR_materials_transmission", {{"transmissionFactor", 0.5}}}}}};
+  b.json["materials"][0] = {
+      {"emissiveFactor", {1, 0.5, 0}},
+      {"alphaMode", "MASK"},
+      {"alphaCutoff", 0.25},
+      {"doubleSided", true},
+      {"extensions",
+       {{"KHR_materials_emissive_strength", {{"emissiveStrength", 10}}}, {"KHR_materials_transmission", {{"transmissionFactor", 0.5}}}}}};
   const Material m = load(b.save(folder)).materials[0];
   EXPECT_EQ(m.emission, Rgb(10, 5, 0));
   EXPECT_EQ(m.alpha, Material::Alpha::Mask);
@@ -318,7 +321,10 @@ TEST(Level, NothingOutsideOfItsFolderIsRead) {
 TEST(Level, SpacesAndSubFoldersInUrisAreFound) {
   Folder folder;
   Builder b = squareLevel();
-  folder.write("sub dir/b\xc3\xbc" "f.bin", b.buffer);
+  folder.write(
+      "sub dir/b\xc3\xbc"
+      "f.bin",
+      b.buffer);
   b.json["buffers"] = {{{"byteLength", b.buffer.size()}, {"uri", "./sub%20dir/x/../b%C3%BCf.bin"}}};
   std::filesystem::create_directories(folder.path() / "sub dir/x");
   EXPECT_EQ(load(folder.write("level.gltf", b.json.dump())).triangles.size(), 2u);

@@ -49,7 +49,7 @@ TEST(Sobol, ScramblesAreIndependentAndUnbiased) {
   }
   const double mean = sum / kScrambles, error = std::sqrt((sum2 / kScrambles - mean * mean) / kScrambles);
   EXPECT_NEAR(mean, 0.25, 4.0 * error);
-  EXPECT_NEAR(cross / kScrambles, 0.0, 4.0 / 12.0 / std::sqrt(double(kScrambles)));   // variance of a uniform number is 1/12
+  EXPECT_NEAR(cross / kScrambles, 0.0, 4.0 / 12.0 / std::sqrt(double(kScrambles)));  // variance of a uniform number is 1/12
 }
 
 TEST(Sobol, SixteenTimesThePointsDivideTheErrorByMuchMoreThanFour) {
@@ -63,7 +63,7 @@ TEST(Sobol, SixteenTimesThePointsDivideTheErrorByMuchMoreThanFour) {
     }
     return std::sqrt(sum2 / 200.0);
   };
-  EXPECT_GT(error(16) / error(256), 20.0);   // smooth integrand: n^-1.5 would be 64, random numbers give 4
+  EXPECT_GT(error(16) / error(256), 20.0);  // smooth integrand: n^-1.5 would be 64, random numbers give 4
 }
 
 TEST(Address, EveryPartOfItMatters) {

@@ -17,13 +17,13 @@ using test::SceneBuilder;
 Scene chartAt(glm::vec2 lo, glm::vec2 hi, int side) {
   SceneBuilder b;
   b.quad({0, 0, 0}, {2, 0, 0}, {0, 0, -3}, b.material(Rgb(0.5f)));
-  const glm::vec2 uv[4] = {lo, {hi.x, lo.y}, {lo.x, hi.y}, hi};   // SceneBuilder's order of vertices
+  const glm::vec2 uv[4] = {lo, {hi.x, lo.y}, {lo.x, hi.y}, hi};  // SceneBuilder's order of vertices
   for (int i = 0; i < 4; ++i) b.scene.uv1[std::size_t(i)] = uv[i] / float(side);
   return b.scene;
 }
 
 TEST(Texels, CoverageIsExact) {
-  const int side = 100;   // not a multiple of the tile
+  const int side = 100;  // not a multiple of the tile
   const Scene scene = chartAt({10.25f, 20.5f}, {80.75f, 90.125f}, side);
   const Charts charts = findCharts(scene, side, {});
   EXPECT_EQ(charts.count, 1u);
@@ -34,7 +34,8 @@ TEST(Texels, CoverageIsExact) {
     for (int y = 0; y < tile.height; ++y)
       for (int x = 0; x < tile.width; ++x) {
         const int X = tile.x0 + x, Y = tile.y0 + y;
-        const double w = std::max(0.0, std::min(80.75, X + 1.0) - std::max(10.25, double(X))), h = std::max(0.0, std::min(90.125, Y + 1.0) - std::max(20.5, double(Y)));
+        const double w = std::max(0.0, std::min(80.75, X + 1.0) - std::max(10.25, double(X))),
+                     h = std::max(0.0, std::min(90.125, Y + 1.0) - std::max(20.5, double(Y)));
         EXPECT_NEAR(tile.at(x, y).coverage, w * h, 1e-5) << X << ", " << Y;
         covered += tile.at(x, y).coverage;
       }
@@ -118,7 +119,7 @@ TEST(Charts, OverlapIsFoundAndNamed) {
 TEST(Charts, TouchingIsNoOverlap) {
   SceneBuilder b;
   const auto m = b.material(Rgb(0.5f));
-  b.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, m, 7);   // 98 triangles that share edges
+  b.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, m, 7);  // 98 triangles that share edges
   b.quad({5, 0, 0}, {1, 0, 0}, {0, 0, -1}, m);
   for (std::size_t i = 0; i < b.scene.uv1.size(); ++i) {
     // The charts share the line u = 0.7, which no float power of two is on.
@@ -132,7 +133,7 @@ TEST(Charts, MissingAndOutsideUvsAreRefused) {
   Scene scene = chartAt({1, 1}, {3, 3}, 8);
   scene.uv1[3].x = 1.2f;
   EXPECT_THROW(findCharts(scene, 8, {}), Error);
-  scene.uv1[3].x = 1.0f + 1e-6f;   // rounding of an exporter
+  scene.uv1[3].x = 1.0f + 1e-6f;  // rounding of an exporter
   EXPECT_NO_THROW(findCharts(scene, 8, {}));
   scene.objects[0].hasUv1 = false;
   try {
@@ -146,18 +147,18 @@ TEST(Charts, MissingAndOutsideUvsAreRefused) {
 }
 
 TEST(Charts, MirroredChartsKeepTheFront) {
-  Scene scene = chartAt({6, 1}, {2, 5}, 8);   // u runs backwards
+  Scene scene = chartAt({6, 1}, {2, 5}, 8);  // u runs backwards
   const Charts charts = findCharts(scene, 8, {});
   const TexelTile tile = TexelMap(scene, charts, 8, 8).texels(0);
   const SurfacePoint p = TexelSampler(scene, tile, tile.at(5, 1)).at({0.5f, 0.5f});
-  EXPECT_NEAR(p.position_m.x, 0.25, 1e-6);   // texel 5.5 is 1/8 of the way from 6 to 2, of 2 m
+  EXPECT_NEAR(p.position_m.x, 0.25, 1e-6);  // texel 5.5 is 1/8 of the way from 6 to 2, of 2 m
   EXPECT_NEAR(p.geometricNormal.y, 1.0, 1e-12);
 }
 
 TEST(MapSide, FollowsTheDensity) {
-  const Scene scene = chartAt({0, 0}, {64, 64}, 128);   // 6 m^2 on a quarter of the map
+  const Scene scene = chartAt({0, 0}, {64, 64}, 128);  // 6 m^2 on a quarter of the map
   EXPECT_EQ(mapSide(scene, 96, 16.0), 96);
-  EXPECT_EQ(mapSide(scene, 0, 16.0), 128);   // 16 sqrt(6 / 0.25) = 78.4, next power of two
+  EXPECT_EQ(mapSide(scene, 0, 16.0), 128);  // 16 sqrt(6 / 0.25) = 78.4, next power of two
 }
 
 }  // namespace

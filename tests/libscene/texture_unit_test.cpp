@@ -7,7 +7,7 @@
 namespace lmc {
 namespace {
 
-constexpr float kRounding = 1e-6f;   // a few steps of a float near 1
+constexpr float kRounding = 1e-6f;  // a few steps of a float near 1
 
 /// One triangle with UVs (0, 0), (1, 0), (0, 1) and a picture of two texels, black and white, side by side.
 Scene twoTexels() {
@@ -37,10 +37,10 @@ TEST(Texture, TexelCentresShowTheirTexel) {
 TEST(Texture, TheEdgeFollowsTheWrapMode) {
   Scene scene = twoTexels();
   Texture& texture = scene.materials[0].baseColorTexture;
-  EXPECT_NEAR(greyAt(scene, 0.0f), 0.5f, kRounding);   // half of the texel on the far side
+  EXPECT_NEAR(greyAt(scene, 0.0f), 0.5f, kRounding);  // half of the texel on the far side
   texture.wrapU = Wrap::Clamp;
   EXPECT_NEAR(greyAt(scene, 0.0f), 0.0f, kRounding);
-  texture.transform[2] = glm::vec3(1, 0, 1);           // one picture further
+  texture.transform[2] = glm::vec3(1, 0, 1);  // one picture further
   EXPECT_NEAR(greyAt(scene, 0.25f), 1.0f, kRounding);
   texture.wrapU = Wrap::Mirror;
   EXPECT_NEAR(greyAt(scene, 0.25f), 1.0f, kRounding);  // 1.25 is 0.75 from the other side
@@ -58,7 +58,7 @@ TEST(Texture, NearestTakesTheTexelItIsIn) {
 TEST(Texture, ColourIsDecodedFromSrgbAndMetallicIsNot) {
   Scene scene = twoTexels();
   scene.images[0] = Image<glm::u8vec4>(1, 1, glm::u8vec4(128, 128, 128, 128));
-  EXPECT_NEAR(greyAt(scene, 0.3f), 0.2158605f, kRounding);   // ((128/255 + 0.055) / 1.055)^2.4
+  EXPECT_NEAR(greyAt(scene, 0.3f), 0.2158605f, kRounding);  // ((128/255 + 0.055) / 1.055)^2.4
   EXPECT_NEAR(alphaAt(scene, 0, {0.3f, 0.3f}), 128.0f / 255.0f, kRounding);
   scene.materials[0].baseColorTexture = {};
   scene.materials[0].metallicTexture.image = 0;

@@ -48,8 +48,8 @@ TEST_P(FromSurfaces, NoRayLeavesAClosedRoomOrMeetsItsOwnStart) {
     backs += hit && !hit.front;
   }
   EXPECT_EQ(own, 0u);
-  // A start within one rounding of the next wall may fall behind it: rays * edge length * ulp / area of these faces (0.83 / m). Levels are recentred,
-  // so that the ulp is that of their size.
+  // A start within one rounding of the next wall may fall behind it: rays * edge length * ulp / area of these faces (0.83 / m). Levels are
+  // recentred, so that the ulp is that of their size.
   const double ulp_m = double(tracer.lift_m()) / 4.0, expected = kRays * 0.83 * ulp_m;
   EXPECT_LE(left + backs, 1.0 + 2.0 * expected);
   EXPECT_EQ(tracer.rays(Purpose::Gather), kRays);
@@ -73,8 +73,10 @@ TEST(Tracer, HitsAreTheSameForAnyNumberOfThreadsAndBatches) {
     run.threads = threads;
     all.emplace_back(rays.size());
     withThreads(run, [&] {
-      const Tracer tracer(scene);   // built by so many threads, too
-      parallelFor(run, rays.size() / 100, 1, [&](std::size_t b) { tracer.closest({rays.data() + 100 * b, 100}, {all.back().data() + 100 * b, 100}, Purpose::Gather); });
+      const Tracer tracer(scene);  // built by so many threads, too
+      parallelFor(run, rays.size() / 100, 1, [&](std::size_t b) {
+        tracer.closest({rays.data() + 100 * b, 100}, {all.back().data() + 100 * b, 100}, Purpose::Gather);
+      });
     });
   }
   const Tracer tracer(scene);
@@ -94,7 +96,7 @@ TEST(Tracer, MaskedHolesLetRaysThrough) {
   b.scene.materials[m].alphaCutoff = 0.5f;
   Image<glm::u8vec4> picture(2, 1);
   picture.at(0, 0) = {255, 255, 255, 255};
-  picture.at(1, 0) = {255, 255, 255, 0};   // right half is a hole
+  picture.at(1, 0) = {255, 255, 255, 0};  // right half is a hole
   b.scene.images.push_back(picture);
   b.scene.materials[m].baseColorTexture.image = 0;
   b.scene.materials[m].baseColorTexture.nearest = true;

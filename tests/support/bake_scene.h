@@ -57,10 +57,13 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
       mesh = makePatches(scene, {.size_m = o.patchSize_m}, run);
       exposePatches(mesh, scene, tracer, run);
       const PatchLight light = lightPatches(scene, tracer, mesh, direct, seen, run);
-      out.solution = o.dense ? solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {}) : shoot(scene, tracer, mesh, light, {}, run);
-      field = std::make_unique<Field>(scene, mesh, seen, &texels, light, std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, run);
+      out.solution =
+          o.dense ? solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {}) : shoot(scene, tracer, mesh, light, {}, run);
+      field = std::make_unique<Field>(scene, mesh, seen, &texels, light,
+                                      std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, run);
     }
-    if (field || strength(scene.sky) > 0.0f) bakeHemisphere(out.map, scene, texels, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal}, run);
+    if (field || strength(scene.sky) > 0.0f)
+      bakeHemisphere(out.map, scene, texels, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal}, run);
     out.values = values(out.map, scene);
     out.ledger = ledger(out.map, scene, out.solution.tail, out.solution.tailEstimate);
     out.rays = tracer.rays();
