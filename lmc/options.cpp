@@ -79,6 +79,10 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          },
          "bounces: auto (until what is left is negligible) or a number")
       ->type_name("N");
+  app->add_option_function<std::string>(
+         "--bounce-tail", [&o](const std::string& t) { o.bounceTail = shareOf(t, "--bounce-tail"); },
+         "end the passes when the light still to be sent can add no more than this share [default: a twentieth of the error asked for]")
+      ->type_name("SHARE");
   app->add_option("--map-size", o.mapSize,
                   "side of the light map in texels [default: the level's lightmap.resolution, else from the density]")
       ->check(CLI::Range(4, 16384));

@@ -19,6 +19,7 @@ struct BakeOptions {
   bool goalIsExplicit = false;   ///< then missing it is exit code 5
   std::string effects = "auto";  ///< auto, a LIST, or +x,-y
   int passes = 0;                ///< bounces at most; 0 = until the light left is negligible
+  double bounceTail = 0.0;       ///< end the passes when what is unsent can add no more than this share; 0 = from the goal
   bool snapshot = false;         ///< a map after each pass
   Solver solver = Solver::Auto;
   double patchSize_m = 0.0;  ///< 0 = from the goal and the level

@@ -198,7 +198,7 @@ void solve(Bake& b) {
   } else {
     for (std::uint32_t half = 0; half < 2; ++half) {
       ShootOptions options;
-      options.maxTail = kTailShare * b.options.goal;
+      options.maxTail = b.options.bounceTail > 0.0 ? b.options.bounceTail : kTailShare * b.options.goal;
       if (b.options.passes > 0) options.maxPasses = b.options.passes - 1;  // hemisphere rays add the last bounce
       options.stream = half;
       if (b.options.snapshot && half == 0)

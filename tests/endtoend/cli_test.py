@@ -360,6 +360,13 @@ class Bakes(Case):
             self.assertEqual(len(os.listdir(pictures)) if os.path.isdir(pictures) else 0, passes - 1)
             shutil.rmtree(pictures, ignore_errors=True)
 
+    def test_passes_end_at_the_asked_bounce_tail(self):
+        _, coarse = self.bake(sample("two_rooms.glb"), "--bounce-tail", "20%")
+        _, fine = self.bake(sample("two_rooms.glb"), "--bounce-tail", "0.1%")
+        self.assertLess(coarse["solver"]["passes"], fine["solver"]["passes"])
+        self.assertLessEqual(coarse["solver"]["tail_bound"], 0.2)
+        self.assertLessEqual(fine["solver"]["tail_bound"], 0.001)
+
     def test_dense_and_shooting_agree(self):
         _, dense = self.bake(sample("two_rooms.glb"), "--solver", "dense", "--patch-size", "0.8", "--effects", "auto")
         _, shot = self.bake(sample("two_rooms.glb"), "--solver", "shooting", "--patch-size", "0.8", out=self.path("shot"))
