@@ -91,45 +91,38 @@ void report(benchmark::State& state) {
   state.counters["rays/s"] = benchmark::Counter(double(state.iterations()) * double(bench.rays.size()), benchmark::Counter::kIsRate);
 }
 
-void bareClosestSingle(benchmark::State& state) {
+/// Bare Embree over fresh copies of the rays, made outside the clock; `trace` gets one texel's.
+template <class Trace>
+void bare(benchmark::State& state, Trace trace) {
   for (auto _ : state) {
     state.PauseTiming();
     auto rays = bareRays();
     state.ResumeTiming();
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    for (RTCRayHit& r : rays) rtcIntersect1(bench.bare, &context, &r);
+    for (std::size_t i = 0; i < rays.size(); i += kRaysPerTexel) trace(&context, &rays[i]);
   }
   report(state);
 }
+void bareClosestSingle(benchmark::State& state) {
+  bare(state, [](RTCIntersectContext* context, RTCRayHit* rays) {
+    for (std::uint32_t i = 0; i < kRaysPerTexel; ++i) rtcIntersect1(bench.bare, context, rays + i);
+  });
+}
 void bareClosestStream(benchmark::State& state) {
-  for (auto _ : state) {
-    state.PauseTiming();
-    auto rays = bareRays();
-    state.ResumeTiming();
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    for (std::size_t i = 0; i < rays.size(); i += kRaysPerTexel)
-      rtcIntersect1M(bench.bare, &context, &rays[i], kRaysPerTexel, sizeof(RTCRayHit));
-  }
-  report(state);
+  bare(state, [](RTCIntersectContext* context, RTCRayHit* rays) {
+    rtcIntersect1M(bench.bare, context, rays, kRaysPerTexel, sizeof(RTCRayHit));
+  });
+}
+void bareOccludedStream(benchmark::State& state) {
+  bare(state, [](RTCIntersectContext* context, RTCRayHit* rays) {
+    rtcOccluded1M(bench.bare, context, &rays->ray, kRaysPerTexel, sizeof(RTCRayHit));
+  });
 }
 void lmcClosest(benchmark::State& state) {
   for (auto _ : state)
     for (std::size_t i = 0; i < bench.rays.size(); i += kRaysPerTexel)
       bench.tracer->closest({&bench.rays[i], kRaysPerTexel}, {&bench.hits[i], kRaysPerTexel}, Purpose::Gather);
-  report(state);
-}
-void bareOccludedStream(benchmark::State& state) {
-  for (auto _ : state) {
-    state.PauseTiming();
-    auto rays = bareRays();
-    state.ResumeTiming();
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    for (std::size_t i = 0; i < rays.size(); i += kRaysPerTexel)
-      rtcOccluded1M(bench.bare, &context, &rays[i].ray, kRaysPerTexel, sizeof(RTCRayHit));
-  }
   report(state);
 }
 void lmcOccluded(benchmark::State& state) {
