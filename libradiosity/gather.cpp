@@ -29,13 +29,13 @@ void Gather::addNear(Gathered& out, std::span<const NearHit> hits, std::uint64_t
     const Sobol4 numbers(combine(key, near.index));
     const Rgb* sure = field_->sureDirectAt(near.hit);
     const glm::dvec3 direct = sure ? glm::dvec3(*sure) : direct_.sample({&p, 1}, direct_.lightsFor(p.position_m, 0.0), numbers).illuminance;
-    const glm::dvec3 back = glm::dvec3(*rho) * direct;
+    const glm::dvec3 back = double(near.weight) * glm::dvec3(*rho) * direct;
     out.bounced += back;
     out.coarse += back;
     const glm::vec4 u = numbers.point(0);
     const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere({u.z, u.w});
     if (glm::dot(d, p.geometricNormal) <= 0.0) continue;
-    reflectance[n] = *rho;
+    reflectance[n] = near.weight * *rho;
     rays[n++] = {tracer_.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
   }
   tracer_.closest({rays.data(), n}, {met.data(), n}, Purpose::Gather);
@@ -52,7 +52,7 @@ void Gather::addNear(Gathered& out, std::span<const NearHit> hits, std::uint64_t
   }
 }
 
-Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const {
+Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32_t begin, std::uint32_t end, Guide& guide) const {
   const TexelSampler sampler(scene_, tile, tile.at(x, y));
   const Sobol4 numbers =
       sequence(seed_, Draw::Hemisphere, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), std::uint32_t(half));
@@ -61,36 +61,46 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
   std::array<Hit, kBatch> hits;
   std::array<std::uint8_t, kBatch> blocked;
   std::array<std::uint32_t, kBatch> index;
+  std::array<glm::vec2, kBatch> towards;  // in the unit square
+  std::array<float, kBatch> weight;
   std::vector<NearHit> near;
+  const float sky = float(kPi) * (scene_.sky.r + scene_.sky.g + scene_.sky.b);
   const double nearest_m = field_ && nearHits_ ? kNear * field_->patchSize_m() : 0.0;
   for (std::uint32_t first = begin; first < end; first += kBatch) {
     std::size_t n = 0;
     for (std::uint32_t k = first; k < std::min(end, first + kBatch); ++k) {
       const glm::vec4 u = numbers.point(k);
       const SurfacePoint p = sampler.at({u.z, u.w});
-      const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere({u.x, u.y});
+      towards[n] = guide.warp({u.x, u.y}, weight[n]);
+      const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(towards[n]);
       if (glm::dot(d, p.geometricNormal) <= 0.0) continue;
       index[n] = k;
       rays[n++] = {tracer_.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
     }
     if (!field_) {
       tracer_.occluded({rays.data(), n}, {blocked.data(), n}, Purpose::Sky);
-      for (std::size_t i = 0; i < n; ++i) out.sky += blocked[i] == 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        if (blocked[i]) continue;
+        out.sky += double(weight[i]);
+        guide.add(towards[i], sky, weight[i]);
+      }
       continue;
     }
     tracer_.closest({rays.data(), n}, {hits.data(), n}, Purpose::Gather);
     for (std::size_t i = 0; i < n; ++i) {
       if (!hits[i]) {
-        ++out.sky;
-        continue;
-      }
-      if (double(hits[i].t) < nearest_m) {
-        near.push_back({hits[i], index[i]});
+        out.sky += double(weight[i]);
+        guide.add(towards[i], sky, weight[i]);
         continue;
       }
       const Field::Seen seen = field_->at(hits[i], half);
-      out.bounced += glm::dvec3(seen.exitance);
-      out.coarse += glm::dvec3(seen.coarse);
+      guide.add(towards[i], seen.exitance.r + seen.exitance.g + seen.exitance.b, weight[i]);
+      if (double(hits[i].t) < nearest_m) {
+        near.push_back({hits[i], index[i], weight[i]});
+        continue;
+      }
+      out.bounced += double(weight[i]) * glm::dvec3(seen.exitance);
+      out.coarse += double(weight[i]) * glm::dvec3(seen.coarse);
     }
     if (!near.empty()) {
       std::uint64_t key = combine(combine(seed_, std::uint64_t(Draw::NearHit)), std::uint64_t(half));

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "libradiosity/field.h"
+#include "libradiosity/guide.h"
 
 namespace lmc {
 
@@ -12,7 +13,7 @@ namespace lmc {
 struct Gathered {
   glm::dvec3 bounced{0.0};  ///< sum of exitance met: E = sum / rays
   glm::dvec3 coarse{0.0};   ///< the same from patches of twice the size
-  std::uint32_t sky = 0;    ///< rays that left the level: E_sky = pi L sky / rays
+  double sky = 0.0;         ///< rays that left the level, by weight: E_sky = pi L sky / rays
   Gathered& operator+=(const Gathered& o) {
     bounced += o.bounced;
     coarse += o.coarse;
@@ -29,13 +30,15 @@ class Gather {
       : scene_(scene), tracer_(tracer), direct_(direct), field_(field), nearHits_(nearHits), seed_(seed) {}
 
   /// Rays [begin, end) of the texel's sequence: ray k is the same whatever else is asked. E about the interpolated normal; a direction
-  /// below the face itself counts as blocked and is not cast.
-  Gathered rays(const TexelTile&, int x, int y, int half, std::uint32_t begin, std::uint32_t end) const;
+  /// below the face itself counts as blocked and is not cast. `guide` tells the rays where to go as it was built last, and takes in what
+  /// they find.
+  Gathered rays(const TexelTile&, int x, int y, int half, std::uint32_t begin, std::uint32_t end, Guide& guide) const;
 
  private:
   struct NearHit {
     Hit hit;
     std::uint32_t index;  ///< of its ray in the texel's sequence
+    float weight;
   };
   void addNear(Gathered&, std::span<const NearHit>, std::uint64_t key, int half) const;
 

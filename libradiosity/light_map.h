@@ -16,36 +16,44 @@ struct LightMap {
   std::vector<std::uint32_t> object;        ///< of the texel's first fragment
   std::array<std::vector<Rgb>, 2> direct;   ///< punctual lights and emitters, E [lx]
   std::vector<std::uint8_t> edge;           ///< 1 where direct light changes within the texel or beside it
-  std::array<std::vector<Rgb>, 2> bounced;  ///< sums over hemisphere rays
-  std::array<std::vector<float>, 2> sky;    ///< hemisphere rays that left the level
-  std::vector<Rgb> coarse;                  ///< sums over both halves, from patches of twice the size
-  std::vector<std::uint32_t> rays;          ///< hemisphere rays cast so far, each half
+  std::array<std::vector<Rgb>, 2> bounced;  ///< E by bounces [lx]
+  std::array<std::vector<float>, 2> sky;    ///< share of hemisphere rays that left the level
+  std::vector<Rgb> coarse;                  ///< `bounced`, mean of the halves, from patches of twice the size
+  std::vector<Rgb> variance;                ///< of the mean of sky and bounced light [lx^2]
+  std::vector<std::uint32_t> rays;          ///< hemisphere rays cast, each half; 0 = interpolated
+  std::vector<double> interpolation2;       ///< one an object: expected square of the interpolation error, summed over its texels [lx^2]
   std::size_t size() const { return chart.size(); }
+  std::size_t index(const TexelTile& tile, int x, int y) const {
+    return std::size_t(tile.y0 + y) * std::size_t(width) + std::size_t(tile.x0 + x);
+  }
 };
 
 /// Values of a finished map [lx].
 struct LightMapValues {
   std::vector<Rgb> direct;  ///< without a bounce: punctual lights, emitters, sky
   std::vector<Rgb> indirect;
-  std::vector<Rgb> error;  ///< standard error of their sum, pooled over 4 x 4 texels of a chart
+  std::vector<Rgb> error;  ///< standard error of their sum, pooled over neighbours of a chart
 };
 
 /// What a map's error is made of, relative to its mean illuminance (design.md section 5).
 struct ErrorLedger {
-  double mean = 0.0;          ///< illuminance, mean over covered texels and channels [lx]
-  double noise = 0.0;         ///< RMS standard error of the sampling
-  double field = 0.0;         ///< RMS difference that patch size makes
-  double tail = 0.0;          ///< upper bound of the light that stopping early leaves out
-  double tailEstimate = 0.0;  ///< best guess of it
-  double estimate = 0.0;      ///< best estimate of the relative RMS error
-  double bound95 = 0.0;       ///< upper bound at 95 % confidence
-  double worstObject = 0.0;   ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
+  double mean = 0.0;           ///< illuminance, mean over covered texels and channels [lx]
+  double noise = 0.0;          ///< RMS standard error of the sampling
+  double interpolation = 0.0;  ///< RMS error of the texels between gathered ones
+  double field = 0.0;          ///< RMS difference that patch size makes
+  double tail = 0.0;           ///< upper bound of the light that stopping early leaves out
+  double tailEstimate = 0.0;   ///< best guess of it
+  double estimate = 0.0;       ///< best estimate of the relative RMS error
+  double bound95 = 0.0;        ///< upper bound at 95 % confidence
+  double worstObject = 0.0;    ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
   std::uint32_t worstObjectId = kNone;
-  std::uint64_t texels = 0;  ///< covered
+  std::uint64_t texels = 0;    ///< covered
+  std::uint64_t gathered = 0;  ///< of them, with hemisphere rays of their own
 };
 
 struct MapOptions {
-  double goal = 0.02;  ///< relative RMS error asked for
+  double goal = 0.02;       ///< relative RMS error asked for
+  bool interpolate = true;  ///< where light is smooth; else every texel is gathered
 };
 
 /// Charts, objects and coverage of every texel.
@@ -55,12 +63,17 @@ LightMap startMap(const Scene&, const TexelMap&, const Run&);
 /// beside it.
 void bakeDirect(LightMap&, const Scene&, const TexelMap&, const DirectLight&, const MapOptions&, const Run&);
 
-/// Hemisphere rays in rounds: a pilot of 16 a half, then as many as the goal asks for, given out so that the fewest rays reach it, then at
-/// most two corrections. Counts are fixed between rounds from sums in tile order.
-void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Gather&, const MapOptions&, const Run&);
+/// Hemisphere rays in rounds: a pilot at the corners of cells (map_cells.h), which are halved where light is not straight between them;
+/// then as many rays as the goal asks for, given out so that the fewest reach it, then at most two corrections of both. Counts are fixed
+/// between rounds from sums in a fixed order.
+void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&, const Run&);
 
 LightMapValues values(const LightMap&, const Scene&);
 /// `tail`, `tailEstimate`: of the solution, as shares of the bounced light.
 ErrorLedger ledger(const LightMap&, const Scene&, double tail, double tailEstimate);
+
+/// An object's error counts against max(its own mean, this share of the level's), and may be kObjectLimit times the goal (design.md
+/// section 5).
+inline constexpr double kDimRoom = 0.01, kObjectLimit = 3.0;
 
 }  // namespace lmc

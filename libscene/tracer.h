@@ -11,9 +11,9 @@
 namespace lmc {
 
 /// What a ray is for; counted apart, so that a report can show what each effect cost.
-enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, Exposure, PatchSky, Shoot, Visibility, Camera };
-inline constexpr std::array<const char*, 9> kPurposeNames{"shadow",    "emitter", "sky",        "gather", "exposure",
-                                                          "patch-sky", "shoot",   "visibility", "camera"};
+enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, Exposure, PatchSky, Shoot, Visibility, Camera, Cells };
+inline constexpr std::array<const char*, 10> kPurposeNames{"shadow",    "emitter", "sky",        "gather", "exposure",
+                                                           "patch-sky", "shoot",   "visibility", "camera", "cells"};
 
 struct Ray {
   glm::vec3 origin_m, direction;  ///< any length; tFar counts in lengths of direction

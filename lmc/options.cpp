@@ -113,6 +113,11 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
   app->add_option("--max-patches", o.maxPatches, "patches at most; above it they grow")
       ->capture_default_str()
       ->check(CLI::Range(16, 10000000));
+  app->add_option_function<std::string>(
+         "--gather", [&o](const std::string& t) { o.interpolate = t == "auto"; },
+         "auto (few texels where light is smooth, what lies between interpolated) or full (every texel)")
+      ->check(CLI::IsMember({"auto", "full"}))
+      ->type_name("KIND");
   app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
   app->add_option("--max-texture-pixels", o.limits.maxTexturePixels, "largest picture read")->capture_default_str();

@@ -24,6 +24,7 @@ struct BakeOptions {
   Solver solver = Solver::Auto;
   double patchSize_m = 0.0;  ///< 0 = from the goal and the level
   std::uint32_t maxPatches = 200000;
+  bool interpolate = true;      ///< gather fewer texels where light is smooth
   int mapSize = 0;              ///< 0 = the level's own, else from the density
   double texelsPerMetre = 0.0;  ///< 0 = the level's own, else 16
   std::optional<Rgb> sky;       ///< replaces the level's; black = none

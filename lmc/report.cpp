@@ -30,6 +30,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                 {"estimate", e.estimate},
                 {"bound95", e.bound95},
                 {"noise", e.noise},
+                {"interpolation", e.interpolation},
                 {"patches", e.field},
                 {"bounce_tail", e.tail},
                 {"bounce_tail_estimate", e.tailEstimate},
@@ -46,7 +47,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   }
   r["illuminance"] = {{"unit", "lx"}, {"mean", rgb(mean)}, {"min", e.texels > 0 ? lo : 0.0}, {"max", hi}};
   r["maps"] = Json::array({{{"file", "lightmap.exr"}, {"width", b.map.width}, {"height", b.map.height}, {"scale", b.scale}}});
-  r["texels"] = {{"covered", e.texels}, {"all", b.map.size()}};
+  r["texels"] = {{"covered", e.texels}, {"gathered", e.gathered}, {"all", b.map.size()}};
   std::uint64_t twoSided = 0;
   for (const Object& o : b.scene.objects) twoSided += o.receive && b.scene.materials[o.material].doubleSided ? o.triangleCount : 0;
   r["double_sided_triangles_without_light_on_their_back"] = twoSided;

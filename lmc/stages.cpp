@@ -252,7 +252,7 @@ void hemisphere(Bake& b) {
     return;
   }
   const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
-  bakeHemisphere(b.map, b.scene, *b.texels, gather, {b.options.goal}, b.run);
+  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather, {b.options.goal, b.options.interpolate}, b.run);
   double rays = 0.0, texels = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     rays += 2.0 * b.map.rays[i];
@@ -270,7 +270,7 @@ void finish(Bake& b) {
     b.map.direct[h] = b.map.bounced[h] = {};
     b.map.sky[h] = {};
   }
-  b.map.coarse = {};
+  b.map.coarse = b.map.variance = {};
   float largest = 0.0f;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     const Rgb e = b.values.direct[i] + b.values.indirect[i];

@@ -35,6 +35,7 @@ struct BakeSceneOptions {
   bool dense = false;
   bool bounce = true;
   int threads = 0;
+  bool interpolate = true;
 };
 
 inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
@@ -63,7 +64,7 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
                                       std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, run);
     }
     if (field || strength(scene.sky) > 0.0f)
-      bakeHemisphere(out.map, scene, texels, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal}, run);
+      bakeHemisphere(out.map, scene, texels, tracer, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal, o.interpolate}, run);
     out.values = values(out.map, scene);
     out.ledger = ledger(out.map, scene, out.solution.tail, out.solution.tailEstimate);
     out.rays = tracer.rays();

@@ -1,0 +1,330 @@
+#include "libradiosity/map_cells.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "libscene/parallel.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr double kJoined = 0.995;  // cosine between the normals of neighbour texels of one smooth surface: 5.7 degrees
+constexpr double kFold = 0.5;      // of a texel's step: neighbours whose middles lie farther off the tangent plane than this are not joined
+constexpr float kFeelerHeight = 0.25f, kFeelerDrawn = 0.5f;  // above the surface, and in from the corners, in texels
+// Error of bilinear interpolation, mean square over a cell, as a share of the sum of squares of the bends that its corners showed along x
+// and y when they were middles: (rx t(1-t) + ry s(1-s))^2 has mean rx^2/30 + ry^2/30 + rx ry/18, at most 0.061 (rx^2 + ry^2) where light is
+// twice differentiable; a third more for where it is not quite.
+constexpr double kErrorOfBend = 1.0 / 12.0;
+constexpr double kSignificant = 2.0;  // times the noise that a bend must show
+
+enum Join : std::uint8_t { kRight = 1, kDown = 2 };
+
+/// Middles of texels in the level.
+struct Middles {
+  std::vector<glm::vec3> position_m, normal;
+};
+
+Middles middlesOf(const MapLayout& map, const Scene& scene, const TexelMap& texels, const Run& run) {
+  Middles m;
+  m.position_m.resize(std::size_t(map.width) * std::size_t(map.height));
+  m.normal.resize(m.position_m.size());
+  parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
+    const TexelTile tile = texels.texels(t);
+    for (int y = 0; y < tile.height; ++y)
+      for (int x = 0; x < tile.width; ++x) {
+        if (tile.at(x, y).fragmentCount == 0) continue;
+        const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
+        const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(map.width) + std::size_t(tile.x0 + x);
+        m.position_m[i] = glm::vec3(p.position_m);
+        m.normal[i] = glm::vec3(p.normal);
+      }
+  });
+  return m;
+}
+
+/// Which texels go on smoothly to the right and downwards.
+std::vector<std::uint8_t> joins(const MapLayout& map, const Middles& at) {
+  std::vector<std::uint8_t> out(at.normal.size(), 0);
+  const auto joined = [&](std::size_t i, std::size_t k) {
+    if (map.chart[i] == kNone || map.chart[i] != map.chart[k] || double(glm::dot(at.normal[i], at.normal[k])) < kJoined) return false;
+    const glm::vec3 step = at.position_m[k] - at.position_m[i];
+    return double(std::abs(glm::dot(step, at.normal[i]))) <= kFold * double(glm::length(step));
+  };
+  for (int y = 0; y < map.height; ++y)
+    for (int x = 0; x < map.width; ++x) {
+      const std::size_t i = std::size_t(y) * std::size_t(map.width) + std::size_t(x);
+      if (x + 1 < map.width && joined(i, i + 1)) out[i] |= kRight;
+      if (y + 1 < map.height && joined(i, i + std::size_t(map.width))) out[i] |= kDown;
+    }
+  return out;
+}
+
+struct Box {
+  int x0 = 1 << 30, y0 = 1 << 30, x1 = -1, y1 = -1;
+};
+
+std::vector<Box> chartBoxes(const MapLayout& map) {
+  std::vector<Box> boxes;
+  for (int y = 0; y < map.height; ++y)
+    for (int x = 0; x < map.width; ++x) {
+      const std::uint32_t c = map.chart[std::size_t(y) * std::size_t(map.width) + std::size_t(x)];
+      if (c == kNone) continue;
+      if (c >= boxes.size()) boxes.resize(c + 1);
+      Box& b = boxes[c];
+      b = {std::min(b.x0, x), std::min(b.y0, y), std::max(b.x1, x), std::max(b.y1, y)};
+    }
+  return boxes;
+}
+
+double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
+
+}  // namespace
+
+MapCells::MapCells(const MapLayout& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer, bool interpolate, const Run& run)
+    : map_(map), gathered_(std::size_t(map.width) * std::size_t(map.height), 0) {
+  if (!interpolate) {
+    for (std::size_t i = 0; i < gathered_.size(); ++i) gathered_[i] = map.chart[i] != kNone;
+    return;
+  }
+  Run quiet = run;
+  quiet.onProgress = nullptr;
+  const Middles at = middlesOf(map, scene, texels, quiet);
+  const std::vector<std::uint8_t> joined = joins(map, at);
+
+  // Roots: the rectangle about each chart cut evenly, so that the edges of a rectangular chart are edges of cells; halved until whole.
+  const std::vector<Box> boxes = chartBoxes(map);
+  std::vector<Cell> open;
+  for (std::uint32_t chart = 0; chart < boxes.size(); ++chart) {
+    const Box& b = boxes[chart];
+    if (b.x1 < 0) continue;
+    const int nx = std::max(1, (b.x1 - b.x0 + kWidest - 1) / kWidest), ny = std::max(1, (b.y1 - b.y0 + kWidest - 1) / kWidest);
+    for (int j = 0; j < ny; ++j)
+      for (int i = 0; i < nx; ++i) {
+        open.assign(1, {b.x0 + i * (b.x1 - b.x0) / nx, b.y0 + j * (b.y1 - b.y0) / ny, b.x0 + (i + 1) * (b.x1 - b.x0) / nx,
+                        b.y0 + (j + 1) * (b.y1 - b.y0) / ny});
+        while (!open.empty()) {
+          const Cell c = open.back();
+          open.pop_back();
+          if (map.chart[index(c.x0, c.y0)] == chart && whole(c, joined)) {
+            cells_.push_back(c);
+            continue;
+          }
+          const int w = c.x1 - c.x0, h = c.y1 - c.y0;
+          if (w == 0 && h == 0) continue;
+          // Of two texels each becomes a cell; longer ones share their middle.
+          Cell first = c, second = c;
+          if (h > w) {
+            first.y1 = c.y0 + h / 2;
+            second.y0 = h == 1 ? c.y1 : first.y1;
+          } else {
+            first.x1 = c.x0 + w / 2;
+            second.x0 = w == 1 ? c.x1 : first.x1;
+          }
+          open.push_back(second);
+          open.push_back(first);
+        }
+      }
+  }
+  roots_ = std::uint32_t(cells_.size());
+  for (std::uint32_t r = 0; r < roots_; ++r) add(cells_[r]);
+
+  // Every root is halved once along each axis, so that its bends are known, and on where a feeler from corner to corner, close above the
+  // surface, meets something: what stands there casts shadows that the corners need not see.
+  const auto feels = [&](const Cell& c) {
+    const std::size_t corner[4] = {index(c.x0, c.y0), index(c.x1, c.y0), index(c.x1, c.y1), index(c.x0, c.y1)};
+    constexpr std::array<std::array<std::size_t, 2>, 6> kWays{{{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 2}, {1, 3}}};
+    std::array<Ray, 6> rays;
+    std::array<std::uint8_t, 6> blocked;
+    const float texels_ = float(std::max(c.x1 - c.x0, c.y1 - c.y0));
+    const glm::vec3 middle =
+        0.25f * (at.position_m[corner[0]] + at.position_m[corner[1]] + at.position_m[corner[2]] + at.position_m[corner[3]]);
+    const float height = kFeelerHeight * glm::distance(at.position_m[corner[0]], at.position_m[corner[2]]) / texels_;
+    for (std::size_t k = 0; k < 6; ++k) {
+      const std::size_t a = corner[kWays[k][0]], b = corner[kWays[k][1]];
+      // Drawn in towards the middle: a corner in the last texel before a wall may lie in the wall's own plane.
+      const auto end = [&](std::size_t i) {
+        const glm::vec3& p = at.position_m[i];
+        return p + (kFeelerDrawn / texels_) * (middle - p) + (height + tracer.lift_m()) * at.normal[i];
+      };
+      const glm::vec3 from = end(a), to = end(b);
+      rays[k] = {from, to - from, 1.0f};
+    }
+    tracer.occluded(rays, blocked, Purpose::Cells);
+    return std::ranges::any_of(blocked, [](std::uint8_t b) { return b != 0; });
+  };
+  std::vector<std::uint32_t> row(roots_);
+  std::iota(row.begin(), row.end(), 0u);
+  std::vector<std::uint8_t> stands;
+  for (int depth = 0; !row.empty(); ++depth) {
+    stands.assign(row.size(), 0);
+    parallelFor(quiet, row.size(), 64, [&](std::size_t k) {
+      const Cell& c = cells_[row[k]];
+      stands[k] = (c.x1 - c.x0 > 1 || c.y1 - c.y0 > 1) && c.x1 > c.x0 && c.y1 > c.y0 && feels(c);
+    });
+    std::vector<std::uint32_t> next;
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      if (depth > 0 && !stands[k]) continue;
+      std::vector<std::uint32_t> parts{row[k]};
+      for (const bool alongY : {false, true}) {
+        std::vector<std::uint32_t> halves;
+        for (const std::uint32_t p : parts) {
+          const Cell c = cells_[p];
+          if ((alongY ? c.y1 - c.y0 : c.x1 - c.x0) < 2) {
+            halves.push_back(p);
+            continue;
+          }
+          halve(p, alongY);
+          halves.push_back(cells_[p].child);
+          halves.push_back(cells_[p].child + 1);
+        }
+        parts = std::move(halves);
+      }
+      if (parts.size() > 1) next.insert(next.end(), parts.begin(), parts.end());
+    }
+    row = std::move(next);
+  }
+}
+
+void MapCells::add(const Cell& c) {
+  gathered_[index(c.x0, c.y0)] = gathered_[index(c.x1, c.y0)] = gathered_[index(c.x0, c.y1)] = gathered_[index(c.x1, c.y1)] = 1;
+}
+
+void MapCells::halve(std::uint32_t id, bool alongY) {
+  Cell first = cells_[id], second = first;
+  if (alongY)
+    first.y1 = second.y0 = (first.y0 + first.y1) / 2;
+  else
+    first.x1 = second.x0 = (first.x0 + first.x1) / 2;
+  cells_[id].child = std::uint32_t(cells_.size());
+  cells_[id].alongY = alongY;
+  cells_.push_back(first);
+  cells_.push_back(second);
+  add(first);
+  add(second);
+}
+
+bool MapCells::whole(const Cell& c, const std::vector<std::uint8_t>& joined) const {
+  for (int y = c.y0; y <= c.y1; ++y)
+    for (int x = c.x0; x <= c.x1; ++x) {
+      const std::uint8_t j = joined[index(x, y)];
+      if ((x < c.x1 && !(j & kRight)) || (y < c.y1 && !(j & kDown))) return false;
+    }
+  return true;
+}
+
+MapCells::Bend MapCells::bendOf(const Cell& c, const ValueAt& at) const {
+  Bend b;
+  b.known = true;
+  const Cell& first = cells_[c.child];
+  for (int line = 0; line < 2; ++line) {
+    Value middle, from, to;
+    double t = 0.0;
+    if (c.alongY) {
+      const int x = line == 0 ? c.x0 : c.x1;
+      middle = at(index(x, first.y1));
+      from = at(index(x, c.y0));
+      to = at(index(x, c.y1));
+      t = double(first.y1 - c.y0) / (c.y1 - c.y0);
+    } else {
+      const int y = line == 0 ? c.y0 : c.y1;
+      middle = at(index(first.x1, y));
+      from = at(index(c.x0, y));
+      to = at(index(c.x1, y));
+      t = double(first.x1 - c.x0) / (c.x1 - c.x0);
+    }
+    const glm::dvec3 r = middle.illuminance - (1.0 - t) * from.illuminance - t * to.illuminance;
+    b.square += 0.5 * mean3(r * r);
+    b.noise += 0.5 * (middle.variance + (1.0 - t) * (1.0 - t) * from.variance + t * t * to.variance);
+  }
+  return b;
+}
+
+template <class F>
+void MapCells::forLeaves(const ValueAt& at, F&& f) const {
+  struct Open {
+    std::uint32_t id;
+    Bend x, y;
+  };
+  std::vector<Open> open;
+  for (std::uint32_t root = 0; root < roots_; ++root) {
+    open.push_back({root, {}, {}});
+    while (!open.empty()) {
+      Open o = open.back();
+      open.pop_back();
+      const Cell& c = cells_[o.id];
+      if (c.child == kNone) {
+        f(o.id, o.x, o.y);
+        continue;
+      }
+      (c.alongY ? o.y : o.x) = bendOf(c, at);
+      open.push_back({c.child + 1, o.x, o.y});
+      open.push_back({c.child, o.x, o.y});
+    }
+  }
+}
+
+std::size_t MapCells::refine(const ValueAt& at, const ToleranceAt& tolerance) {
+  std::vector<std::pair<std::uint32_t, std::array<bool, 2>>> wanted;
+  forLeaves(at, [&](std::uint32_t id, const Bend& x, const Bend& y) {
+    const Cell& c = cells_[id];
+    if (c.x1 - c.x0 < 2 && c.y1 - c.y0 < 2) return;
+    double allowed = 1e300;
+    for (const std::size_t i : {index(c.x0, c.y0), index(c.x1, c.y0), index(c.x0, c.y1), index(c.x1, c.y1)})
+      allowed = std::min(allowed, tolerance(i));
+    const auto bends = [&](const Bend& b, int extent) {
+      if (extent < 2) return false;
+      const double sure = b.square - b.noise;
+      return !b.known || (kErrorOfBend * sure > 0.5 * allowed * allowed && sure > kSignificant * b.noise);
+    };
+    const std::array<bool, 2> cut{bends(x, c.x1 - c.x0), bends(y, c.y1 - c.y0)};
+    if (cut[0] || cut[1]) wanted.emplace_back(id, cut);
+  });
+  const auto before = std::accumulate(gathered_.begin(), gathered_.end(), std::size_t(0));
+  for (const auto& [id, cut] : wanted) {
+    if (cut[0]) halve(id, false);
+    if (!cut[1]) continue;
+    if (!cut[0]) {
+      halve(id, true);
+      continue;
+    }
+    const std::uint32_t child = cells_[id].child;
+    halve(child, true);
+    halve(child + 1, true);
+  }
+  return std::accumulate(gathered_.begin(), gathered_.end(), std::size_t(0)) - before;
+}
+
+void MapCells::forInterpolated(const std::function<void(std::size_t, const Corners&, const Weights&)>& f) const {
+  // An edge that two cells share is the finer one's: it knows more of it.
+  std::vector<std::uint32_t> leaves;
+  for (std::uint32_t i = 0; i < cells_.size(); ++i)
+    if (cells_[i].child == kNone) leaves.push_back(i);
+  const auto area = [&](std::uint32_t i) { return (cells_[i].x1 - cells_[i].x0 + 1) * (cells_[i].y1 - cells_[i].y0 + 1); };
+  std::ranges::stable_sort(leaves, [&](std::uint32_t a, std::uint32_t b) { return area(a) > area(b); });
+  std::vector<std::uint32_t> owner(gathered_.size(), kNone);
+  for (const std::uint32_t id : leaves)
+    for (int y = cells_[id].y0; y <= cells_[id].y1; ++y)
+      for (int x = cells_[id].x0; x <= cells_[id].x1; ++x) owner[index(x, y)] = id;
+  for (std::size_t i = 0; i < owner.size(); ++i) {
+    if (owner[i] == kNone || gathered_[i]) continue;
+    const Cell& c = cells_[owner[i]];
+    const int x = int(i % std::size_t(map_.width)), y = int(i / std::size_t(map_.width));
+    const double s = c.x1 > c.x0 ? double(x - c.x0) / (c.x1 - c.x0) : 0.0, t = c.y1 > c.y0 ? double(y - c.y0) / (c.y1 - c.y0) : 0.0;
+    f(i, {index(c.x0, c.y0), index(c.x1, c.y0), index(c.x0, c.y1), index(c.x1, c.y1)},
+      {(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t});
+  }
+}
+
+void MapCells::forErrors(const ValueAt& at, const std::function<void(std::size_t, double)>& f) const {
+  forLeaves(at, [&](std::uint32_t id, const Bend& x, const Bend& y) {
+    const Cell& c = cells_[id];
+    double bend = 0.0;
+    if (c.x1 - c.x0 > 1) bend += x.square - x.noise;
+    if (c.y1 - c.y0 > 1) bend += y.square - y.noise;
+    if (bend != 0.0) f(index(c.x0, c.y0), kErrorOfBend * bend * std::max(1, c.x1 - c.x0) * std::max(1, c.y1 - c.y0));
+  });
+}
+
+}  // namespace lmc

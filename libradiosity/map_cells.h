@@ -1,0 +1,78 @@
+#pragma once
+/// Where a map is gathered and where it is interpolated. Light that comes by the hemisphere is smooth over most of a wall: rectangles of
+/// texels of one chart are gathered at their corners alone and halved, along x or along y, until what lies between is straight enough.
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "libscene/run.h"
+#include "libscene/texels.h"
+#include "libscene/tracer.h"
+
+namespace lmc {
+
+/// Coverage of a map, row by row.
+struct MapLayout {
+  int width = 0, height = 0;
+  const std::uint32_t* chart = nullptr;  ///< one a texel; kNone = not covered
+};
+
+class MapCells {
+ public:
+  /// A rectangle with its corner texels, both inclusive; of one chart, covered throughout, its surface bending by little between texels.
+  struct Cell {
+    std::int32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+    std::uint32_t child = kNone;  ///< the first of two; kNone = a leaf
+    bool alongY = false;          ///< the children lie one above the other
+  };
+  struct Value {
+    glm::dvec3 illuminance{0.0};  ///< by the hemisphere [lx]
+    double variance = 0.0;        ///< of it, mean over channels [lx^2]
+  };
+  using ValueAt = std::function<Value(std::size_t texel)>;
+  using ToleranceAt = std::function<double(std::size_t texel)>;  ///< [lx]
+
+  /// Cells of at most kWidest texels, cut where charts end and bend, and where something stands on the surface between their corners.
+  /// Without `interpolate` every texel is a cell of its own.
+  MapCells(const MapLayout&, const Scene&, const TexelMap&, const Tracer&, bool interpolate, const Run&);
+
+  bool gathered(std::size_t texel) const { return gathered_[texel] != 0; }
+
+  /// Halves leaves where the light at a point in the middle differs from what its ends foretell by more than noise explains, and by more
+  /// than the tolerance allows. New corners become gathered; their number comes back.
+  std::size_t refine(const ValueAt&, const ToleranceAt&);
+
+  /// f(texel, corners, weights) for every texel that is not gathered: its value is sum of weights * values of the corners.
+  using Corners = std::array<std::size_t, 4>;
+  using Weights = std::array<double, 4>;
+  void forInterpolated(const std::function<void(std::size_t, const Corners&, const Weights&)>&) const;
+
+  /// Expected square of the interpolation error [lx^2], summed over the texels of each leaf: f(texel of a corner, sum). Noise is taken out
+  /// of the sums, so that one of them may be negative.
+  void forErrors(const ValueAt&, const std::function<void(std::size_t, double)>&) const;
+
+  static constexpr int kWidest = 16;  ///< texels of a cell before its first halving
+
+ private:
+  // What the light did when a cell's extent along each axis was halved last: mean square of middle minus mean of the ends, and the part of
+  // it that noise explains.
+  struct Bend {
+    double square = 0.0, noise = 0.0;
+    bool known = false;
+  };
+  void add(const Cell&);
+  void halve(std::uint32_t, bool alongY);
+  bool whole(const Cell&, const std::vector<std::uint8_t>& joined) const;
+  Bend bendOf(const Cell&, const ValueAt&) const;
+  template <class F>
+  void forLeaves(const ValueAt&, F&&) const;
+  std::size_t index(int x, int y) const { return std::size_t(y) * std::size_t(map_.width) + std::size_t(x); }
+
+  MapLayout map_;
+  std::vector<Cell> cells_;
+  std::uint32_t roots_ = 0;
+  std::vector<std::uint8_t> gathered_;
+};
+
+}  // namespace lmc

@@ -1,0 +1,359 @@
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+#include "libradiosity/light_map.h"
+#include "libradiosity/map_cells.h"
+#include "libscene/constants.h"
+#include "libscene/parallel.h"
+#include "libscene/rng.h"
+
+namespace lmc {
+
+namespace {
+
+constexpr std::uint32_t kPilotRays = 32;    // each half, at the corners of the first cells: each speaks for many texels
+constexpr std::uint32_t kSecondPilot = 16;  // at corners that halving adds
+constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
+// Rays each half, mean over a map, at a goal of 2 %; with goal^-1.4 at others. Three times what the hardest benchmark takes: a level whose
+// light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
+constexpr double kMeanRaysAtTwoPercent = 1024.0;
+constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
+constexpr double kNoiseShare = 0.78;         // of the goal, for sampling; the rest is for interpolation, patch size and what is left out
+constexpr double kInterpolationShare = 0.1;  // of the goal, for the error between gathered texels
+constexpr double kLocalLimit = 1.25;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
+constexpr double kDimPlace = 0.03;
+constexpr int kGuideBlock = 16;  // texels
+constexpr int kPilotHalvings = 4, kMaxCorrections = 2;
+
+double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
+
+/// x and y of the k-th texel along the Morton curve of a tile: rays of one neighbourhood after each other find its geometry in the cache.
+constexpr int everySecondBit(std::uint32_t k) {
+  k &= 0x55555555u;
+  k = (k | k >> 1) & 0x33333333u;
+  k = (k | k >> 2) & 0x0f0f0f0fu;
+  k = (k | k >> 4) & 0x00ff00ffu;
+  return int((k | k >> 8) & 0xffffu);
+}
+
+/// Gathered texels of a chart that lie near each other and speak for as many others: one estimate of variance, one number of rays.
+struct Pool {
+  std::uint32_t object = kNone;
+  double points = 0.0, texels = 0.0;  ///< gathered; spoken for
+  double rays = 0.0;                  ///< each half, mean over the points
+  double variance1 = 0.0;             ///< of one ray's worth: variance of a point is variance1 * rays^(-2 kSobolExponent) [lx^2]
+  double influence = 0.0;             ///< sum over points and texels of squared weights: noise of the texels is influence * variance
+  double illuminance = 0.0;           ///< mean over the texels spoken for, direct light included [lx]
+  double wanted = 0.0;                ///< rays each half after the next round
+};
+
+/// The state of one hemisphere stage.
+class HemisphereBaker {
+ public:
+  HemisphereBaker(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer, const Gather& gather,
+                  const MapOptions& options, const Run& run)
+      : map_(map),
+        scene_(scene),
+        texels_(texels),
+        gather_(gather),
+        options_(options),
+        run_(run),
+        cells_({map.width, map.height, map.chart.data()}, scene, texels, tracer, options.interpolate, run),
+        wanted_(map.size(), 0) {
+    for (std::size_t h = 0; h < 2; ++h) {
+      map.bounced[h].assign(map.size(), Rgb(0.0f));
+      map.sky[h].assign(map.size(), 0.0f);
+    }
+    map.coarse.assign(map.size(), Rgb(0.0f));
+    // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
+    static_assert(kTile % kGuideBlock == 0);
+    guideOf_.assign(map.size(), kNone);
+    std::unordered_map<std::uint64_t, std::uint32_t> known;
+    for (std::size_t i = 0; i < map.size(); ++i) {
+      if (map.chart[i] == kNone) continue;
+      const auto x = i % std::size_t(map.width) / kGuideBlock, y = i / std::size_t(map.width) / kGuideBlock;
+      guideOf_[i] = known.try_emplace(combine(map.chart[i], x << 32 | y), std::uint32_t(known.size())).first->second;
+    }
+    guides_.resize(known.size());
+  }
+
+  void bake() {
+    wish(kPilotRays);
+    cast(0.0, 0.1);
+    makePools();
+    double done = 0.1;
+    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+      cast(done, done + 0.02);
+      done += 0.02;
+      makePools();
+    }
+    for (int correction = 0; correction <= kMaxCorrections; ++correction) {
+      giveOut();
+      const double next = correction == 0 ? 0.85 : 0.5 * (1.0 + done);
+      if (!cast(done, next)) break;
+      done = next;
+      makePools();
+      if (correction == kMaxCorrections || !refine()) continue;
+      cast(done, 0.5 * (next + 1.0));
+      done = 0.5 * (next + 1.0);
+      makePools();
+    }
+    finish();
+    run_.progress(1.0);
+  }
+
+ private:
+  // While rays are cast, bounced, sky and coarse of the map are sums over rays (coarse: of both halves).
+  glm::dvec3 half(std::size_t i, std::size_t h) const {
+    const double n = map_.rays[i];
+    return (kPi * glm::dvec3(scene_.sky) * double(map_.sky[h][i]) + glm::dvec3(map_.bounced[h][i])) / n;
+  }
+  glm::dvec3 illuminance(std::size_t i) const { return 0.5 * (half(i, 0) + half(i, 1)); }
+  glm::dvec3 direct(std::size_t i) const { return 0.5 * (glm::dvec3(map_.direct[0][i]) + glm::dvec3(map_.direct[1][i])); }
+  MapCells::ValueAt valueAt() const {
+    return [this](std::size_t i) { return MapCells::Value{illuminance(i), varianceOf(i)}; };
+  }
+  double varianceOf(std::size_t i) const { return pools_[poolOf_[i]].variance1 * std::pow(double(map_.rays[i]), -2.0 * kSobolExponent); }
+
+  /// Every gathered texel wants at least so many rays each half.
+  void wish(std::uint32_t rays) {
+    for (std::size_t i = 0; i < wanted_.size(); ++i)
+      if (cells_.gathered(i)) wanted_[i] = std::max(wanted_[i], rays);
+  }
+
+  /// Casts what is wanted; false when nothing is.
+  bool cast(double from, double to) {
+    bool any = false;
+    for (std::size_t i = 0; i < wanted_.size() && !any; ++i) any = wanted_[i] > map_.rays[i];
+    if (!any) return false;
+    Run part = run_;
+    part.onProgress = [&](double share) {
+      run_.progress(from + (to - from) * share);
+      return true;
+    };
+    parallelFor(part, texels_.tileCount(), 1, [&](std::size_t t) {
+      const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
+      std::unique_ptr<TexelTile> tile;
+      for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
+        const int x = everySecondBit(k), y = everySecondBit(k >> 1);
+        if (x0 + x >= map_.width || y0 + y >= map_.height) continue;
+        const std::size_t i = std::size_t(y0 + y) * std::size_t(map_.width) + std::size_t(x0 + x);
+        const std::uint32_t begin = map_.rays[i], end = wanted_[i];
+        if (end <= begin) continue;
+        if (!tile) tile = std::make_unique<TexelTile>(texels_.texels(t));
+        for (int h = 0; h < 2; ++h) {
+          const Gathered g = gather_.rays(*tile, x, y, h, begin, end, guides_[guideOf_[i]]);
+          map_.bounced[std::size_t(h)][i] += Rgb(g.bounced);
+          map_.sky[std::size_t(h)][i] += float(g.sky);
+          map_.coarse[i] += Rgb(g.coarse);
+        }
+        map_.rays[i] = end;
+      }
+    });
+    parallelFor(Run{run_.threads, run_.seed, {}, {}}, guides_.size(), 16, [&](std::size_t g) { guides_[g].build(); });
+    return true;
+  }
+
+  void makePools() {
+    // What each gathered texel speaks for: itself, and its weights in others.
+    std::vector<float> spoken(map_.size(), 0.0f), influence(map_.size(), 0.0f), sum(map_.size(), 0.0f);
+    for (std::size_t i = 0; i < map_.size(); ++i)
+      if (cells_.gathered(i)) {
+        spoken[i] = influence[i] = 1.0f;
+        sum[i] = float(mean3(direct(i) + illuminance(i)));
+      }
+    cells_.forInterpolated([&](std::size_t i, const MapCells::Corners& corners, const MapCells::Weights& weights) {
+      const double d = mean3(direct(i));
+      for (std::size_t k = 0; k < 4; ++k) {
+        const auto w = float(weights[k]);
+        spoken[corners[k]] += w;
+        influence[corners[k]] += w * w;
+        sum[corners[k]] += w * float(d + mean3(illuminance(corners[k])));
+      }
+    });
+    pools_.clear();
+    poolOf_.assign(map_.size(), kNone);
+    std::unordered_map<std::uint64_t, std::uint32_t> known;
+    for (std::size_t i = 0; i < map_.size(); ++i) {
+      if (!cells_.gathered(i)) continue;
+      // Some 16 points to a pool.
+      int spacing = 1;
+      while (spacing < 8 && spoken[i] >= 4.0f * float(spacing * spacing)) spacing *= 2;
+      const auto x = std::uint64_t(i % std::size_t(map_.width)) / (4 * std::uint64_t(spacing)),
+                 y = std::uint64_t(i / std::size_t(map_.width)) / (4 * std::uint64_t(spacing));
+      const std::uint64_t key = combine(combine(map_.chart[i], std::uint64_t(spacing)), x << 32 | y);
+      const auto [it, fresh] = known.try_emplace(key, std::uint32_t(pools_.size()));
+      if (fresh) {
+        pools_.emplace_back();
+        pools_.back().object = map_.object[i];
+      }
+      Pool& p = pools_[it->second];
+      poolOf_[i] = it->second;
+      const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
+      p.points += 1.0;
+      p.texels += double(spoken[i]);
+      p.rays += map_.rays[i];
+      p.variance1 += mean3(d * d) * std::pow(double(map_.rays[i]), 2.0 * kSobolExponent);
+      p.influence += double(influence[i]);
+      p.illuminance += double(sum[i]);
+    }
+    for (Pool& p : pools_) {
+      p.rays /= p.points;
+      p.variance1 /= p.points;
+      p.illuminance /= p.texels;
+    }
+    double sum_ = 0.0, texels = 0.0;
+    objectMean_.assign(scene_.objects.size(), 0.0);
+    objectTexels_.assign(scene_.objects.size(), 0.0);
+    for (const Pool& p : pools_) {
+      sum_ += p.texels * p.illuminance;
+      texels += p.texels;
+      objectMean_[p.object] += p.texels * p.illuminance;
+      objectTexels_[p.object] += p.texels;
+    }
+    mean_ = texels > 0.0 ? sum_ / texels : 0.0;
+    for (std::size_t o = 0; o < objectMean_.size(); ++o)
+      if (objectTexels_[o] > 0.0) objectMean_[o] /= objectTexels_[o];
+  }
+
+  /// Halves cells; false when none needs it. New corners get a pilot's rays.
+  bool refine() {
+    const double share = kInterpolationShare * options_.goal;
+    const std::size_t added = cells_.refine(valueAt(), [&](std::size_t i) {
+      const Pool& p = pools_[poolOf_[i]];
+      return share * std::min({mean_, kLocalLimit * std::max(p.illuminance, kDimPlace * mean_),
+                               kObjectLimit * std::max(objectMean_[p.object], kDimRoom * mean_)});
+    });
+    wish(kSecondPilot);
+    return added > 0;
+  }
+
+  /// Rays for each pool so that the predicted noise of the level meets the goal, and of each object and neighbourhood its own, with the
+  /// fewest rays: minimal sum of points * N for given sum of influence * variance1 * N^(-2a) has N ~ (influence/points *
+  /// variance1)^(1/(1+2a)) (Lagrange).
+  void giveOut() {
+    constexpr double a = kSobolExponent;
+    if (!(mean_ > 0.0)) return;
+    const auto raysAt = [&](const Pool& p, double kappa) {
+      return std::clamp(kappa * std::pow(p.influence / p.points * p.variance1, 1.0 / (1.0 + 2.0 * a)), p.rays, double(kMostRays));
+    };
+    const auto solve = [&](std::span<const std::uint32_t> ids, double allowedVariance) {
+      const auto noise = [&](double kappa) {
+        double sum = 0.0, texels = 0.0;
+        for (const std::uint32_t i : ids) {
+          sum += pools_[i].influence * pools_[i].variance1 * std::pow(raysAt(pools_[i], kappa), -2.0 * a);
+          texels += pools_[i].texels;
+        }
+        return sum / texels;
+      };
+      double lo = 1e-6, hi = 1e12;
+      if (noise(lo) <= allowedVariance) return lo;
+      for (int step = 0; step < 60; ++step) {
+        const double mid = std::sqrt(lo * hi);
+        (noise(mid) <= allowedVariance ? hi : lo) = mid;
+      }
+      return hi;
+    };
+
+    // Noise of direct light is there already; rays cannot mend it, and it leaves them at least half of what is allowed.
+    std::vector<double> directVariance(scene_.objects.size(), 0.0);
+    double levelVariance = 0.0, texels = 0.0;
+    for (std::size_t i = 0; i < map_.size(); ++i) {
+      if (map_.chart[i] == kNone) continue;
+      const glm::dvec3 d = 0.5 * (glm::dvec3(map_.direct[0][i]) - glm::dvec3(map_.direct[1][i]));
+      directVariance[map_.object[i]] += mean3(d * d) / std::max(1.0, objectTexels_[map_.object[i]]);
+      levelVariance += mean3(d * d);
+      texels += 1.0;
+    }
+    levelVariance /= texels;
+    const double share = kNoiseShare * options_.goal;
+    const auto left = [](double allowed, double taken) { return std::max(allowed - taken, 0.5 * allowed); };
+
+    std::vector<std::uint32_t> all(pools_.size());
+    std::vector<std::vector<std::uint32_t>> byObject(scene_.objects.size());
+    for (std::uint32_t i = 0; i < pools_.size(); ++i) {
+      all[i] = i;
+      byObject[pools_[i].object].push_back(i);
+    }
+    const double level = solve(all, left(std::pow(share * mean_, 2.0), levelVariance));
+    double wanted = 0.0, have = 0.0;
+    for (std::size_t o = 0; o < byObject.size(); ++o) {
+      if (byObject[o].empty()) continue;
+      const double allowed = std::pow(kObjectLimit * share * std::max(objectMean_[o], kDimRoom * mean_), 2.0);
+      const double kappa = std::max(level, solve(byObject[o], left(allowed, directVariance[o])));
+      for (const std::uint32_t i : byObject[o]) {
+        Pool& p = pools_[i];
+        const double local = std::pow(kLocalLimit * options_.goal * std::max(p.illuminance, kDimPlace * mean_), 2.0);
+        const double forPlace = std::pow(p.influence / p.texels * p.variance1 / local, 0.5 / a);
+        p.wanted = std::max(raysAt(p, kappa), std::min(forPlace, double(kMostRays)));
+        wanted += p.points * p.wanted;
+        have += p.points * p.rays;
+      }
+    }
+    const double most = std::max(0.0, texels * kMeanRaysAtTwoPercent * std::pow(0.02 / options_.goal, 1.0 / a) - have);
+    if (wanted - have > most)
+      for (Pool& p : pools_) p.wanted = p.rays + (p.wanted - p.rays) * most / (wanted - have);
+    for (std::size_t i = 0; i < map_.size(); ++i)
+      if (poolOf_[i] != kNone) wanted_[i] = std::max(map_.rays[i], std::uint32_t(std::ceil(pools_[poolOf_[i]].wanted / 8.0)) * 8);
+  }
+
+  /// Sums become means, and texels between gathered ones get theirs.
+  void finish() {
+    map_.variance.assign(map_.size(), Rgb(0.0f));
+    std::vector<glm::dvec3> variance1(pools_.size(), glm::dvec3(0.0));
+    for (std::size_t i = 0; i < map_.size(); ++i)
+      if (poolOf_[i] != kNone) {
+        const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
+        variance1[poolOf_[i]] += d * d * std::pow(double(map_.rays[i]), 2.0 * kSobolExponent) / pools_[poolOf_[i]].points;
+      }
+    map_.interpolation2.assign(scene_.objects.size(), 0.0);
+    cells_.forErrors(valueAt(), [&](std::size_t i, double error2) { map_.interpolation2[map_.object[i]] += error2; });
+    for (std::size_t i = 0; i < map_.size(); ++i) {
+      if (poolOf_[i] == kNone) continue;
+      const auto n = float(map_.rays[i]);
+      map_.variance[i] = Rgb(variance1[poolOf_[i]] * std::pow(double(n), -2.0 * kSobolExponent));
+      for (std::size_t h = 0; h < 2; ++h) {
+        map_.bounced[h][i] /= n;
+        map_.sky[h][i] /= n;
+      }
+      map_.coarse[i] /= 2.0f * n;
+    }
+    cells_.forInterpolated([&](std::size_t i, const MapCells::Corners& corners, const MapCells::Weights& weights) {
+      for (std::size_t k = 0; k < 4; ++k) {
+        const std::size_t from = corners[k];
+        const auto w = float(weights[k]);
+        for (std::size_t h = 0; h < 2; ++h) {
+          map_.bounced[h][i] += w * map_.bounced[h][from];
+          map_.sky[h][i] += w * map_.sky[h][from];
+        }
+        map_.coarse[i] += w * map_.coarse[from];
+        map_.variance[i] += w * w * map_.variance[from];
+      }
+    });
+  }
+
+  LightMap& map_;
+  const Scene& scene_;
+  const TexelMap& texels_;
+  const Gather& gather_;
+  const MapOptions& options_;
+  const Run& run_;
+  MapCells cells_;
+  std::vector<Guide> guides_;
+  std::vector<std::uint32_t> guideOf_;  // one a texel
+  std::vector<std::uint32_t> wanted_;   // rays each half
+  std::vector<Pool> pools_;
+  std::vector<std::uint32_t> poolOf_;  // one a texel; kNone = not gathered
+  std::vector<double> objectMean_, objectTexels_;
+  double mean_ = 0.0;
+};
+
+}  // namespace
+
+void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer, const Gather& gather,
+                    const MapOptions& options, const Run& run) {
+  HemisphereBaker(map, scene, texels, tracer, gather, options, run).bake();
+}
+
+}  // namespace lmc
