@@ -66,6 +66,7 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
   std::vector<NearHit> near;
   const float sky = float(kPi) * (scene_.sky.r + scene_.sky.g + scene_.sky.b);
   const double nearest_m = field_ && nearHits_ ? kNear * field_->patchSize_m() : 0.0;
+  guide.count(end - begin);
   for (std::uint32_t first = begin; first < end; first += kBatch) {
     std::size_t n = 0;
     for (std::uint32_t k = first; k < std::min(end, first + kBatch); ++k) {

@@ -5,6 +5,10 @@
 
 namespace lmc {
 
+namespace {
+constexpr double kLeastGain = 2.0;  // in variance
+}
+
 void Guide::build() {
   // The density of least variance goes with the root of the mean square. Neighbours lend each other a part: few rays have found anything.
   std::array<double, kSide * kSide> share{};
@@ -22,9 +26,18 @@ void Guide::build() {
       share[std::size_t(y * kSide + x)] = std::sqrt(blurred / weights);
       sum += share[std::size_t(y * kSide + x)];
     }
-  built_ = sum > 0.0;
-  if (!built_) return;
+  built_ = false;
+  if (!(sum > 0.0)) return;
   constexpr double kEven = double(kBlind) / (kSide * kSide);
+  double even = 0.0, guided = 0.0;  // second moments, of one ray
+  for (std::size_t c = 0; c < share.size(); ++c) {
+    const double square = double(squares_[c]) / double(rays_), q = kEven + (1.0 - double(kBlind)) * share[c] / sum;
+    even += square;
+    guided += square / (kSide * kSide * q);
+  }
+  const double mean = double(sum_) / double(rays_);
+  if (even - mean * mean < kLeastGain * (guided - mean * mean)) return;
+  built_ = true;
   double column = 0.0;
   for (int x = 0; x < kSide; ++x) {
     columns_[std::size_t(x)] = float(column);

@@ -12,13 +12,17 @@ class Guide {
   static constexpr int kSide = 16;
   static constexpr float kBlind = 0.3f;  ///< share of rays that are not guided: no weight is above 1/kBlind
 
+  /// So many rays were cast; those that met nothing need not be added.
+  void count(std::size_t rays) { rays_ += float(rays); }
+
   /// A ray through u of the unit square brought back `light`; `weight` as warp() gave it.
   void add(glm::vec2 u, float light, float weight) {
     const int x = int(u.x * kSide), y = int(u.y * kSide);
     squares_[std::size_t(y * kSide + x)] += weight * light * light;
+    sum_ += weight * light;
   }
 
-  /// Takes what was added into account from now on.
+  /// Takes what was added into account from now on, unless it would gain little: where light is even, weights are noise of their own.
   void build();
 
   /// Where the ray of sample u goes, and the factor on what it brings back: 1/density. Both as they came before the first build().
@@ -46,6 +50,7 @@ class Guide {
   std::array<float, kSide * kSide> squares_{};   // weighted squares of light, by rows of the square
   std::array<float, kSide + 1> columns_{};       // cumulative
   std::array<float, kSide*(kSide + 1)> rows_{};  // cumulative, of each column
+  float sum_ = 0.0f, rays_ = 0.0f;
   bool built_ = false;
 };
 

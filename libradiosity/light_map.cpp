@@ -12,8 +12,6 @@ namespace {
 
 constexpr int kBlock = 4;            // side of the blocks over which differences of halves are pooled [texels]
 constexpr double kFieldShare = 0.5;  // error of size h against the change from 2h to h: 1/3 at second order, 1 at first; see docs/stages.md
-// Gathered texels to a degree of freedom of the noise's own estimate: neighbours share the strongest of what they see.
-constexpr double kTexelsOfFreedom = 16.0;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
 
@@ -152,12 +150,8 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail, double 
     double noise() const { return texels > 0.0 ? std::sqrt(variance / texels) : 0.0; }
     double field() const { return texels > 0.0 ? kFieldShare * std::sqrt(field2 / texels) : 0.0; }
     double interpolation() const { return texels > 0.0 ? std::sqrt(std::max(0.0, interpolation2) / texels) : 0.0; }
-    // A sum of variances is about chi-square with so many degrees of freedom; 1.645 of its relative spread sqrt(2/n). Without a hemisphere
-    // it is direct light alone, where every texel is its own.
-    double noise95() const {
-      const double freedom = std::max(1.0, (gathered > 0.0 ? gathered : texels) / kTexelsOfFreedom);
-      return noise() * std::sqrt(1.0 + 1.645 * std::sqrt(2.0 / freedom));
-    }
+    // Without a hemisphere it is direct light alone, where every texel is its own.
+    double noiseBound() const { return noise() * noise95(gathered > 0.0 ? gathered : texels); }
   };
   Sums level;
   std::vector<Sums> objects(scene.objects.size());
@@ -182,12 +176,12 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail, double 
   out.interpolation = level.interpolation() / out.mean;
   out.estimate = std::sqrt(out.noise * out.noise + out.field * out.field + out.interpolation * out.interpolation) + out.tailEstimate;
   // Field noise shared by many texels is in both halves' difference only in part: the bound takes twice the field's share.
-  out.bound95 = level.noise95() / out.mean + out.interpolation + 2.0 * out.field + out.tail;
+  out.bound95 = level.noiseBound() / out.mean + out.interpolation + 2.0 * out.field + out.tail;
   for (std::uint32_t o = 0; o < objects.size(); ++o) {
     if (objects[o].texels == 0.0) continue;
     const double against = std::max(objects[o].mean(), kDimRoom * out.mean);
     const double bound =
-        (objects[o].noise95() + objects[o].interpolation() + 2.0 * objects[o].field() + tail * objects[o].bouncedMean()) / against;
+        (objects[o].noiseBound() + objects[o].interpolation() + 2.0 * objects[o].field() + tail * objects[o].bouncedMean()) / against;
     if (bound > out.worstObject) {
       out.worstObject = bound;
       out.worstObjectId = o;

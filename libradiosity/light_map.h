@@ -1,6 +1,8 @@
 #pragma once
 /// A light map being baked: the named state that grows with its texels, and the stages that fill it tile by tile.
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -75,5 +77,9 @@ ErrorLedger ledger(const LightMap&, const Scene&, double tail, double tailEstima
 /// An object's error counts against max(its own mean, this share of the level's), and may be kObjectLimit times the goal (design.md
 /// section 5).
 inline constexpr double kDimRoom = 0.01, kObjectLimit = 3.0;
+
+/// Upper bound at 95 % confidence of a noise that was estimated from so many texels, as a factor: 1.645 of the relative spread sqrt(2/n) of
+/// a sum of variances with n degrees of freedom. Neighbours share the strongest of what they see: eight texels to a degree.
+inline double noise95(double texels) { return std::sqrt(1.0 + 1.645 * std::sqrt(2.0 / std::max(1.0, texels / 8.0))); }
 
 }  // namespace lmc

@@ -17,7 +17,7 @@ constexpr float kFeelerHeight = 0.25f, kFeelerDrawn = 0.5f;  // above the surfac
 // and y when they were middles: (rx t(1-t) + ry s(1-s))^2 has mean rx^2/30 + ry^2/30 + rx ry/18, at most 0.061 (rx^2 + ry^2) where light is
 // twice differentiable; a third more for where it is not quite.
 constexpr double kErrorOfBend = 1.0 / 12.0;
-constexpr double kSignificant = 2.0;  // times the noise that a bend must show
+constexpr double kNextHalving = 1.0 / 16.0;  // of a bend's square, where light is twice differentiable
 
 enum Join : std::uint8_t { kRight = 1, kDown = 2 };
 
@@ -214,8 +214,8 @@ bool MapCells::whole(const Cell& c, const std::vector<std::uint8_t>& joined) con
   return true;
 }
 
-MapCells::Bend MapCells::bendOf(const Cell& c, const ValueAt& at) const {
-  Bend b;
+MapCells::Halving MapCells::halvingOf(const Cell& c, const ValueAt& at) const {
+  Halving b;
   b.known = true;
   const Cell& first = cells_[c.child];
   for (int line = 0; line < 2; ++line) {
@@ -258,7 +258,8 @@ void MapCells::forLeaves(const ValueAt& at, F&& f) const {
         f(o.id, o.x, o.y);
         continue;
       }
-      (c.alongY ? o.y : o.x) = bendOf(c, at);
+      Bend& bend = c.alongY ? o.y : o.x;
+      bend = {halvingOf(c, at), bend.last};
       open.push_back({c.child + 1, o.x, o.y});
       open.push_back({c.child, o.x, o.y});
     }
@@ -270,13 +271,18 @@ std::size_t MapCells::refine(const ValueAt& at, const ToleranceAt& tolerance) {
   forLeaves(at, [&](std::uint32_t id, const Bend& x, const Bend& y) {
     const Cell& c = cells_[id];
     if (c.x1 - c.x0 < 2 && c.y1 - c.y0 < 2) return;
-    double allowed = 1e300;
-    for (const std::size_t i : {index(c.x0, c.y0), index(c.x1, c.y0), index(c.x0, c.y1), index(c.x1, c.y1)})
-      allowed = std::min(allowed, tolerance(i));
+    Tolerance allowed{1e300, 1e300};
+    for (const std::size_t i : {index(c.x0, c.y0), index(c.x1, c.y0), index(c.x0, c.y1), index(c.x1, c.y1)}) {
+      const Tolerance t = tolerance(i);
+      allowed = {std::min(allowed.error, t.error), std::min(allowed.significance, t.significance)};
+    }
     const auto bends = [&](const Bend& b, int extent) {
       if (extent < 2) return false;
-      const double sure = b.square - b.noise;
-      return !b.known || (kErrorOfBend * sure > 0.5 * allowed * allowed && sure > kSignificant * b.noise);
+      const auto tooMuch = [&](const Halving& h, double share) {
+        return h.known && kErrorOfBend * share * h.sure() > 0.5 * allowed.error * allowed.error &&
+               h.sure() > allowed.significance * h.noise;
+      };
+      return !b.last.known || tooMuch(b.last, 1.0) || tooMuch(b.before, kNextHalving);
     };
     const std::array<bool, 2> cut{bends(x, c.x1 - c.x0), bends(y, c.y1 - c.y0)};
     if (cut[0] || cut[1]) wanted.emplace_back(id, cut);
@@ -317,13 +323,17 @@ void MapCells::forInterpolated(const std::function<void(std::size_t, const Corne
   }
 }
 
-void MapCells::forErrors(const ValueAt& at, const std::function<void(std::size_t, double)>& f) const {
+void MapCells::forErrors(const ValueAt& at, const std::function<void(std::size_t, double, double)>& f) const {
   forLeaves(at, [&](std::uint32_t id, const Bend& x, const Bend& y) {
     const Cell& c = cells_[id];
-    double bend = 0.0;
-    if (c.x1 - c.x0 > 1) bend += x.square - x.noise;
-    if (c.y1 - c.y0 > 1) bend += y.square - y.noise;
-    if (bend != 0.0) f(index(c.x0, c.y0), kErrorOfBend * bend * std::max(1, c.x1 - c.x0) * std::max(1, c.y1 - c.y0));
+    double last = 0.0, before = 0.0;
+    for (const auto& [bend, extent] : {std::pair(&x, c.x1 - c.x0), std::pair(&y, c.y1 - c.y0)}) {
+      if (extent < 2) continue;
+      last += bend->last.sure();
+      before += bend->before.known ? kNextHalving * bend->before.sure() : bend->last.sure();
+    }
+    const double texels = std::max(1, c.x1 - c.x0) * std::max(1, c.y1 - c.y0);
+    if (last != 0.0) f(index(c.x0, c.y0), kErrorOfBend * texels * last, kErrorOfBend * texels * before);
   });
 }
 

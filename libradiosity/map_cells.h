@@ -31,7 +31,11 @@ class MapCells {
     double variance = 0.0;        ///< of it, mean over channels [lx^2]
   };
   using ValueAt = std::function<Value(std::size_t texel)>;
-  using ToleranceAt = std::function<double(std::size_t texel)>;  ///< [lx]
+  struct Tolerance {
+    double error = 0.0;         ///< between gathered texels [lx]
+    double significance = 3.0;  ///< how often the noise's own part a bend must be, to be one
+  };
+  using ToleranceAt = std::function<Tolerance(std::size_t texel)>;
 
   /// Cells of at most kWidest texels, cut where charts end and bend, and where something stands on the surface between their corners.
   /// Without `interpolate` every texel is a cell of its own.
@@ -48,23 +52,27 @@ class MapCells {
   using Weights = std::array<double, 4>;
   void forInterpolated(const std::function<void(std::size_t, const Corners&, const Weights&)>&) const;
 
-  /// Expected square of the interpolation error [lx^2], summed over the texels of each leaf: f(texel of a corner, sum). Noise is taken out
-  /// of the sums, so that one of them may be negative.
-  void forErrors(const ValueAt&, const std::function<void(std::size_t, double)>&) const;
+  /// Expected square of the interpolation error [lx^2], summed over the texels of each leaf, from the last halving and from the one before:
+  /// f(texel of a corner, sum, sum). Noise is taken out of the sums, so that one of them may be negative.
+  void forErrors(const ValueAt&, const std::function<void(std::size_t, double, double)>&) const;
 
   static constexpr int kWidest = 16;  ///< texels of a cell before its first halving
 
  private:
-  // What the light did when a cell's extent along each axis was halved last: mean square of middle minus mean of the ends, and the part of
-  // it that noise explains.
-  struct Bend {
+  // What the light did when a cell's extent along an axis was halved: mean square of middle minus mean of the ends, and the part of it that
+  // noise explains. A step can look straight at one halving, hardly at two: the one before counts as well.
+  struct Halving {
     double square = 0.0, noise = 0.0;
     bool known = false;
+    double sure() const { return square - noise; }
+  };
+  struct Bend {
+    Halving last, before;
   };
   void add(const Cell&);
   void halve(std::uint32_t, bool alongY);
   bool whole(const Cell&, const std::vector<std::uint8_t>& joined) const;
-  Bend bendOf(const Cell&, const ValueAt&) const;
+  Halving halvingOf(const Cell&, const ValueAt&) const;
   template <class F>
   void forLeaves(const ValueAt&, F&&) const;
   std::size_t index(int x, int y) const { return std::size_t(y) * std::size_t(map_.width) + std::size_t(x); }

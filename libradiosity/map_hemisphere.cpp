@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <unordered_map>
 
 #include "libradiosity/light_map.h"
@@ -19,11 +20,15 @@ constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 // light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
 constexpr double kMeanRaysAtTwoPercent = 1024.0;
 constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
-constexpr double kNoiseShare = 0.78;         // of the goal, for sampling; the rest is for interpolation, patch size and what is left out
-constexpr double kInterpolationShare = 0.1;  // of the goal, for the error between gathered texels
-constexpr double kLocalLimit = 1.25;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
+constexpr double kBudget = 0.84;             // of the goal, for sampling and interpolation; the rest is for patch size and bounces left out
+constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
+constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
+constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
+constexpr double kLargeInterpolation = 0.25;           // of an object's budget
+constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
 constexpr double kDimPlace = 0.03;
-constexpr int kGuideBlock = 16;  // texels
+constexpr double kLargeChart = 0.01;  // of the level's texels
+constexpr int kGuideBlock = 16;       // texels
 constexpr int kPilotHalvings = 4, kMaxCorrections = 2;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
@@ -39,7 +44,7 @@ constexpr int everySecondBit(std::uint32_t k) {
 
 /// Gathered texels of a chart that lie near each other and speak for as many others: one estimate of variance, one number of rays.
 struct Pool {
-  std::uint32_t object = kNone;
+  std::uint32_t object = kNone, chart = kNone;
   double points = 0.0, texels = 0.0;  ///< gathered; spoken for
   double rays = 0.0;                  ///< each half, mean over the points
   double variance1 = 0.0;             ///< of one ray's worth: variance of a point is variance1 * rays^(-2 kSobolExponent) [lx^2]
@@ -187,6 +192,7 @@ class HemisphereBaker {
       if (fresh) {
         pools_.emplace_back();
         pools_.back().object = map_.object[i];
+        pools_.back().chart = map_.chart[i];
       }
       Pool& p = pools_[it->second];
       poolOf_[i] = it->second;
@@ -194,13 +200,14 @@ class HemisphereBaker {
       p.points += 1.0;
       p.texels += double(spoken[i]);
       p.rays += map_.rays[i];
-      p.variance1 += mean3(d * d) * std::pow(double(map_.rays[i]), 2.0 * kSobolExponent);
+      // Few rays seldom meet what is rare and bright: those with many have the say.
+      p.variance1 += mean3(d * d) * std::pow(double(map_.rays[i]), 1.0 + 2.0 * kSobolExponent);
       p.influence += double(influence[i]);
       p.illuminance += double(sum[i]);
     }
     for (Pool& p : pools_) {
+      p.variance1 /= p.rays;
       p.rays /= p.points;
-      p.variance1 /= p.points;
       p.illuminance /= p.texels;
     }
     double sum_ = 0.0, texels = 0.0;
@@ -217,13 +224,21 @@ class HemisphereBaker {
       if (objectTexels_[o] > 0.0) objectMean_[o] /= objectTexels_[o];
   }
 
+  /// The error that an object may have [lx].
+  double budgetOf(std::size_t object) const { return kObjectLimit * options_.goal * std::max(objectMean_[object], kDimRoom * mean_); }
+
   /// Halves cells; false when none needs it. New corners get a pilot's rays.
   bool refine() {
-    const double share = kInterpolationShare * options_.goal;
+    const std::vector<double> between = interpolation2();
+    std::vector<double> significance(between.size());
+    for (std::size_t o = 0; o < between.size(); ++o)
+      significance[o] =
+          std::sqrt(between[o] / std::max(1.0, objectTexels_[o])) > kLargeInterpolation * budgetOf(o) ? kDoubtful : kSignificant;
     const std::size_t added = cells_.refine(valueAt(), [&](std::size_t i) {
       const Pool& p = pools_[poolOf_[i]];
-      return share * std::min({mean_, kLocalLimit * std::max(p.illuminance, kDimPlace * mean_),
-                               kObjectLimit * std::max(objectMean_[p.object], kDimRoom * mean_)});
+      return MapCells::Tolerance{kInterpolationShare * std::min({options_.goal * mean_, budgetOf(p.object),
+                                                                 kLocalLimit * options_.goal * std::max(p.illuminance, kDimPlace * mean_)}),
+                                 significance[p.object]};
     });
     wish(kSecondPilot);
     return added > 0;
@@ -267,35 +282,64 @@ class HemisphereBaker {
       texels += 1.0;
     }
     levelVariance /= texels;
-    const double share = kNoiseShare * options_.goal;
-    const auto left = [](double allowed, double taken) { return std::max(allowed - taken, 0.5 * allowed); };
+    // What interpolation takes leaves less for noise: they add up in the bound (design.md section 5).
+    const std::vector<double> between = interpolation2();
+    const auto noiseFor = [&](double budget, std::span<const std::uint32_t> ids, double interpolation2Sum, double texelsOf,
+                              double directVarianceOf) {
+      double points = 0.0;
+      for (const std::uint32_t i : ids) points += pools_[i].points;
+      const double noise = std::max((kBudget * budget - std::sqrt(interpolation2Sum / texelsOf)) / noise95(points), kLeastNoise * budget);
+      return std::max(noise * noise - directVarianceOf, 0.5 * noise * noise);
+    };
 
-    std::vector<std::uint32_t> all(pools_.size());
-    std::vector<std::vector<std::uint32_t>> byObject(scene_.objects.size());
+    std::vector<std::uint32_t> all;
+    std::vector<std::vector<std::uint32_t>> byObject(scene_.objects.size()), byChart;
     for (std::uint32_t i = 0; i < pools_.size(); ++i) {
-      all[i] = i;
+      all.push_back(i);
       byObject[pools_[i].object].push_back(i);
+      if (pools_[i].chart >= byChart.size()) byChart.resize(pools_[i].chart + 1);
+      byChart[pools_[i].chart].push_back(i);
     }
-    const double level = solve(all, left(std::pow(share * mean_, 2.0), levelVariance));
-    double wanted = 0.0, have = 0.0;
+    const auto give = [&](std::span<const std::uint32_t> ids, double kappa) {
+      for (const std::uint32_t i : ids) pools_[i].wanted = std::max(pools_[i].wanted, raysAt(pools_[i], kappa));
+    };
+    for (Pool& p : pools_) p.wanted = p.rays;
+    give(all,
+         solve(all, noiseFor(options_.goal * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels, levelVariance)));
     for (std::size_t o = 0; o < byObject.size(); ++o) {
       if (byObject[o].empty()) continue;
-      const double allowed = std::pow(kObjectLimit * share * std::max(objectMean_[o], kDimRoom * mean_), 2.0);
-      const double kappa = std::max(level, solve(byObject[o], left(allowed, directVariance[o])));
-      for (const std::uint32_t i : byObject[o]) {
-        Pool& p = pools_[i];
-        const double local = std::pow(kLocalLimit * options_.goal * std::max(p.illuminance, kDimPlace * mean_), 2.0);
-        const double forPlace = std::pow(p.influence / p.texels * p.variance1 / local, 0.5 / a);
-        p.wanted = std::max(raysAt(p, kappa), std::min(forPlace, double(kMostRays)));
-        wanted += p.points * p.wanted;
-        have += p.points * p.rays;
+      give(byObject[o], solve(byObject[o], noiseFor(budgetOf(o), byObject[o], between[o], objectTexels_[o], directVariance[o])));
+    }
+    for (const auto& ids : byChart) {
+      double own = 0.0, count = 0.0;
+      for (const std::uint32_t i : ids) {
+        own += pools_[i].texels * pools_[i].illuminance;
+        count += pools_[i].texels;
       }
+      if (count < kLargeChart * texels) continue;
+      give(ids, solve(ids, std::pow(kLocalLimit * options_.goal * std::max(own / count, kDimPlace * mean_), 2.0)));
+    }
+    double wanted = 0.0, have = 0.0;
+    for (const Pool& p : pools_) {
+      wanted += p.points * p.wanted;
+      have += p.points * p.rays;
     }
     const double most = std::max(0.0, texels * kMeanRaysAtTwoPercent * std::pow(0.02 / options_.goal, 1.0 / a) - have);
     if (wanted - have > most)
       for (Pool& p : pools_) p.wanted = p.rays + (p.wanted - p.rays) * most / (wanted - have);
     for (std::size_t i = 0; i < map_.size(); ++i)
       if (poolOf_[i] != kNone) wanted_[i] = std::max(map_.rays[i], std::uint32_t(std::ceil(pools_[poolOf_[i]].wanted / 8.0)) * 8);
+  }
+
+  /// Expected square of the interpolation error, summed over the texels of each object [lx^2].
+  std::vector<double> interpolation2() const {
+    std::vector<double> last(scene_.objects.size(), 0.0), before = last;
+    cells_.forErrors(valueAt(), [&](std::size_t i, double byLast, double byBefore) {
+      last[map_.object[i]] += byLast;
+      before[map_.object[i]] += byBefore;
+    });
+    for (std::size_t o = 0; o < last.size(); ++o) last[o] = std::max({last[o], before[o], 0.0});
+    return last;
   }
 
   /// Sums become means, and texels between gathered ones get theirs.
@@ -305,10 +349,10 @@ class HemisphereBaker {
     for (std::size_t i = 0; i < map_.size(); ++i)
       if (poolOf_[i] != kNone) {
         const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
-        variance1[poolOf_[i]] += d * d * std::pow(double(map_.rays[i]), 2.0 * kSobolExponent) / pools_[poolOf_[i]].points;
+        const Pool& p = pools_[poolOf_[i]];
+        variance1[poolOf_[i]] += d * d * std::pow(double(map_.rays[i]), 1.0 + 2.0 * kSobolExponent) / (p.rays * p.points);
       }
-    map_.interpolation2.assign(scene_.objects.size(), 0.0);
-    cells_.forErrors(valueAt(), [&](std::size_t i, double error2) { map_.interpolation2[map_.object[i]] += error2; });
+    map_.interpolation2 = interpolation2();
     for (std::size_t i = 0; i < map_.size(); ++i) {
       if (poolOf_[i] == kNone) continue;
       const auto n = float(map_.rays[i]);
