@@ -13,29 +13,37 @@ namespace lmc {
 
 namespace {
 
-constexpr std::size_t kMaxEmitterPieces = 48;  // when a level has few emissive triangles
+constexpr std::size_t kMaxEmitterPieces = 24;  // when a level has few emissive triangles
 constexpr std::size_t kClosedFormPlaces = 4;   // the unoccluded factor is smooth over a texel
 constexpr double kDefensive = 0.05;  // share of the choice of pieces that goes by power alone: a place may see what the first one does not
 constexpr std::size_t kLeastDraws = 4;
+constexpr std::size_t kGroupDraws = 2;  // of one place
+constexpr double kFarEmitter = 8.0;     // times its size: there the disc form is right to 0.2 %
 constexpr std::size_t kMaxPlaces = 256;
+
+/// Form factor of a place to an emitter without blockers.
+double unoccludedFactor(const SurfacePoint& p, const Emitter& e) {
+  const glm::dvec3 centre = (e.corner_m[0] + e.corner_m[1] + e.corner_m[2]) / 3.0;
+  const glm::dvec3 r = centre - p.position_m;
+  const bool far = glm::dot(r, r) > kFarEmitter * kFarEmitter * e.longest2_m2 && glm::dot(r, p.normal) > std::sqrt(e.longest2_m2);
+  return far ? elementToDisc(p.position_m, p.normal, centre, e.normal, e.area_m2) : elementToPolygon(p.position_m, p.normal, e.corner_m);
+}
 
 }  // namespace
 
 DirectLight::DirectLight(const Scene& scene, const Tracer& tracer, bool shadows)
-    : scene_(scene), tracer_(tracer), shadows_(shadows), emitters_(findEmitters(scene, kMaxEmitterPieces)), rays_(scene.lights.size()) {}
+    : scene_(scene),
+      tracer_(tracer),
+      shadows_(shadows),
+      emitters_(findEmitters(scene, kMaxEmitterPieces)),
+      tree_(scene, emitters_),
+      rays_(scene.lights.size()) {}
 
-std::vector<std::uint32_t> DirectLight::lightsFor(const glm::dvec3& centre_m, double radius_m) const {
-  std::vector<std::uint32_t> lights;
-  for (std::uint32_t i = 0; i < scene_.lights.size(); ++i)
-    if (mayReach(scene_.lights[i], centre_m, radius_m)) lights.push_back(i);
-  return lights;
-}
-
-DirectSample DirectLight::sample(std::span<const SurfacePoint> places, std::span<const std::uint32_t> lights, const Sobol4& address) const {
-  assert(places.size() <= kMaxPlaces);
-  DirectSample out;
-  for (const std::uint32_t light : lights) addPunctual(out, places, light);
-  if (hasEmitters()) addEmitters(out, places, address);
+DirectPart DirectLight::sample(std::span<const SurfacePoint> places, const LightCut& cut, const Sobol4& address) const {
+  DirectPart out;
+  for (const std::uint32_t light : cut.punctual) out += punctual(places, light);
+  if (!cut.emitters.empty()) out += emitters(places, cut.emitters, address);
+  if (!cut.groups.empty()) out += groups(places, cut, address);
   return out;
 }
 
@@ -46,7 +54,17 @@ void DirectLight::trace(std::span<const Ray> rays, std::span<std::uint8_t> block
     std::ranges::fill(blocked, std::uint8_t(0));
 }
 
-void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> places, std::uint32_t index) const {
+Ray DirectLight::towards(const Light& light, const SurfacePoint& p, const glm::dvec3& towards, bool endless) const {
+  const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal);
+  if (endless) return {from, glm::vec3(towards), INFINITY};
+  // The ray ends a little before the lamp: one that lies in a surface, or touches it, is not hidden by it.
+  const glm::dvec3 way = light.position_m - glm::dvec3(from);
+  return {from, glm::vec3(way), float(std::max(0.0, 1.0 - 2.0 * double(tracer_.lift_m()) / glm::length(way)))};
+}
+
+DirectPart DirectLight::punctual(std::span<const SurfacePoint> places, std::uint32_t index) const {
+  assert(places.size() <= kMaxPlaces);
+  DirectPart out;
   const Light& light = scene_.lights[index];
   std::array<Ray, kMaxPlaces> rays;
   std::array<glm::dvec3, kMaxPlaces> unshadowed;
@@ -57,30 +75,26 @@ void DirectLight::addPunctual(DirectSample& out, std::span<const SurfacePoint> p
     if (in.illuminance == glm::dvec3(0.0)) continue;
     if (glm::dot(in.towards, p.geometricNormal) <= 0.0) continue;  // lit by the interpolated normal only: the surface itself is in the way
     unshadowed[n] = in.illuminance;
-    const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal);
-    if (in.endless) {
-      rays[n] = {from, glm::vec3(in.towards), INFINITY};
-    } else {
-      // The ray ends a little before the lamp: one that lies in a surface, or touches it, is not hidden by it.
-      const glm::dvec3 way = light.position_m - glm::dvec3(from);
-      rays[n] = {from, glm::vec3(way), float(std::max(0.0, 1.0 - 2.0 * double(tracer_.lift_m()) / glm::length(way)))};
-    }
-    ++n;
+    rays[n++] = towards(light, p, in.towards, in.endless);
   }
-  if (n == 0) return;
+  if (n == 0) return out;
   trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
   if (shadows_) rays_[index].fetch_add(n, std::memory_order_relaxed);
   std::size_t seen = 0;
   for (std::size_t i = 0; i < n; ++i) {
+    out.unshadowed += unshadowed[i] / double(places.size());
     if (blocked[i]) continue;
     ++seen;
     out.illuminance += unshadowed[i] / double(places.size());
   }
-  out.mixed |= seen > 0 && seen < places.size();  // the edge of a cone or of the light's side counts as an edge, too
-  if (seen > 0) out.signature = combine(out.signature, index);
+  out.seen = seen > 0;
+  out.mixed = seen > 0 && seen < places.size();  // the edge of a cone or of the light's side counts as an edge, too
+  return out;
 }
 
-void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> places, const Sobol4& address) const {
+DirectPart DirectLight::emitters(std::span<const SurfacePoint> places, std::span<const std::uint32_t> emitters,
+                                 const Sobol4& address) const {
+  DirectPart out;
   // A place on the lamp or in its plane gets nothing from it; rounding must not say otherwise.
   const double inPlane_m = double(tracer_.lift_m());
   const auto inFront = [&](const SurfacePoint& p, const Emitter& e) {
@@ -90,43 +104,46 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
   // E without blockers, closed form, mean over a few of the places.
   glm::dvec3 unoccluded(0.0);
   const std::size_t closed = std::min(kClosedFormPlaces, places.size());
-  for (const Emitter& e : emitters_.whole) {
+  thread_local std::vector<std::uint32_t> shining;
+  shining.clear();
+  for (const std::uint32_t id : emitters) {
+    const Emitter& e = emitters_.whole[id];
     double factor = 0.0;
     for (std::size_t i = 0; i < closed; ++i)
-      if (inFront(places[i], e)) factor += elementToPolygon(places[i].position_m, places[i].normal, e.corner_m) / double(closed);
+      if (inFront(places[i], e)) factor += unoccludedFactor(places[i], e) / double(closed);
+    if (factor > 0.0) shining.push_back(id);
     unoccluded += kPi * factor * glm::dvec3(e.radiance);
   }
-  if (unoccluded == glm::dvec3(0.0)) return;
+  if (unoccluded == glm::dvec3(0.0)) return out;
 
   // The choice of pieces: by what they would give to the first place (disc form) as a share of each channel, so that the only blue lamp
   // among many red ones is not forgotten, and a little by power alone.
-  const std::vector<Emitter>& pieces = emitters_.pieces;
-  thread_local std::vector<double> factor, cumulative;
-  factor.assign(pieces.size(), 0.0);
-  glm::dvec3 given(0.0), power(0.0);
-  for (std::size_t e = 0; e < pieces.size(); ++e) {
-    if (!inFront(places[0], pieces[e])) continue;
-    const glm::dvec3 centre = (pieces[e].corner_m[0] + pieces[e].corner_m[1] + pieces[e].corner_m[2]) / 3.0;
-    factor[e] = elementToDisc(places[0].position_m, places[0].normal, centre, pieces[e].normal, pieces[e].area_m2);
-    given += factor[e] * glm::dvec3(pieces[e].radiance);
-    power += pieces[e].area_m2 * glm::dvec3(pieces[e].radiance);
-  }
-  const auto shares = [](const glm::dvec3& part, const glm::dvec3& whole) {
-    double sum = 0.0;
-    for (int c = 0; c < 3; ++c) sum += whole[c] > 0.0 ? part[c] / whole[c] : 0.0;
-    return sum;
+  struct Candidate {
+    const Emitter* piece;
+    double factor, begin;
   };
-  cumulative.resize(pieces.size() + 1);
-  cumulative[0] = 0.0;
-  for (std::size_t e = 0; e < pieces.size(); ++e) {
-    double share = 0.0;
-    if (inFront(places[0], pieces[e])) {
-      const glm::dvec3 L(pieces[e].radiance);
-      share = (1.0 - kDefensive) * shares(factor[e] * L, given) + kDefensive * shares(pieces[e].area_m2 * L, power);
+  thread_local std::vector<Candidate> pieces;
+  pieces.clear();
+  glm::dvec3 given(0.0), power(0.0);
+  for (const std::uint32_t id : shining)
+    for (std::uint32_t k = 0; k < emitters_.whole[id].pieceCount; ++k) {
+      const Emitter& e = emitters_.pieces[emitters_.whole[id].firstPiece + k];
+      if (!inFront(places[0], e)) continue;
+      const glm::dvec3 centre = (e.corner_m[0] + e.corner_m[1] + e.corner_m[2]) / 3.0;
+      pieces.push_back({&e, elementToDisc(places[0].position_m, places[0].normal, centre, e.normal, e.area_m2), 0.0});
+      given += pieces.back().factor * glm::dvec3(e.radiance);
+      power += e.area_m2 * glm::dvec3(e.radiance);
     }
-    cumulative[e + 1] = cumulative[e] + share;
+  const auto weights = [](const glm::dvec3& whole) {
+    return glm::dvec3(whole.x > 0.0 ? 1.0 / whole.x : 0.0, whole.y > 0.0 ? 1.0 / whole.y : 0.0, whole.z > 0.0 ? 1.0 / whole.z : 0.0);
+  };
+  const glm::dvec3 byGiven = (1.0 - kDefensive) * weights(given), byPower = kDefensive * weights(power);
+  double total = 0.0;
+  for (Candidate& c : pieces) {
+    c.begin = total;
+    total += glm::dot(glm::dvec3(c.piece->radiance), c.factor * byGiven + c.piece->area_m2 * byPower);
   }
-  if (!(cumulative.back() > 0.0)) return;
+  if (!(total > 0.0)) return out;
 
   std::array<Ray, kMaxPlaces> rays;
   std::array<glm::dvec3, kMaxPlaces> radiance,
@@ -137,13 +154,12 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
   for (std::size_t i = 0; i < std::max(places.size(), kLeastDraws); ++i) {
     const SurfacePoint& p = places[i % places.size()];
     const glm::vec2 u = address.point2(std::uint32_t(i));
-    const double pick = double(u.x) * cumulative.back();
-    std::size_t e = std::size_t(std::ranges::upper_bound(cumulative, pick) - cumulative.begin()) - 1;
-    e = std::min(e, pieces.size() - 1);
-    const Emitter& emitter = pieces[e];
-    const double share = cumulative[e + 1] - cumulative[e];
+    const double pick = double(u.x) * total;
+    const std::size_t chosen = std::size_t(std::ranges::upper_bound(pieces, pick, {}, &Candidate::begin) - pieces.begin()) - 1;
+    const Emitter& emitter = *pieces[chosen].piece;
+    const double share = (chosen + 1 < pieces.size() ? pieces[chosen + 1].begin : total) - pieces[chosen].begin;
     if (!(share > 0.0)) continue;
-    const double s = std::sqrt(std::clamp((pick - cumulative[e]) / share, 0.0, 1.0));
+    const double s = std::sqrt(std::clamp((pick - pieces[chosen].begin) / share, 0.0, 1.0));
     const double w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
     const glm::dvec3 q =
         emitter.corner_m[0] + w1 * (emitter.corner_m[1] - emitter.corner_m[0]) + w2 * (emitter.corner_m[2] - emitter.corner_m[0]);
@@ -158,7 +174,7 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
     rays[n] = {from, to - from, 1.0f};
     ++n;
   }
-  if (n == 0) return;
+  if (n == 0) return out;
   trace({rays.data(), n}, {blocked.data(), n}, Purpose::Emitter);
   glm::dvec3 seenSum(0.0), allSum(0.0);
   std::size_t seen = 0;
@@ -175,8 +191,59 @@ void DirectLight::addEmitters(DirectSample& out, std::span<const SurfacePoint> p
           allSum[c] > 0.0 ? seenSum[c] / allSum[c] : (seenSum.x + seenSum.y + seenSum.z) / (allSum.x + allSum.y + allSum.z);
       out.illuminance[c] += unoccluded[c] * share;
     }
-  out.mixed |= seen > 0 && seen < n;
-  if (seen > 0) out.signature = combine(out.signature, 0xe417);
+  out.unshadowed = unoccluded;
+  out.seen = seen > 0;
+  out.mixed = seen > 0 && seen < n;
+  return out;
+}
+
+DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const LightCut& cut, const Sobol4& address) const {
+  DirectPart out;
+  std::array<Ray, kMaxPlaces> rays;
+  std::array<glm::dvec3, kMaxPlaces> unshadowed;
+  std::array<std::uint8_t, kMaxPlaces> blocked;
+  std::size_t n = 0;
+  const LightTree::Groups lights(tree_, cut, places[0]);
+  const std::size_t draws = std::min(std::max(kGroupDraws * places.size(), kLeastDraws), kMaxPlaces);
+  for (std::size_t i = 0; i < draws; ++i) {
+    const SurfacePoint& p = places[i % places.size()];
+    const glm::vec2 u = address.point2(std::uint32_t(i));
+    double pick = double(u.x);
+    const LightTree::Choice choice = lights.choose(p, pick);
+    if (!(choice.share > 0.0)) continue;
+    if (choice.light < tree_.punctualCount()) {
+      const Light& light = scene_.lights[choice.light];
+      const Incoming in = incoming(light, p.position_m, p.normal);
+      if (in.illuminance == glm::dvec3(0.0) || glm::dot(in.towards, p.geometricNormal) <= 0.0) continue;
+      unshadowed[n] = in.illuminance / choice.share;
+      rays[n++] = towards(light, p, in.towards, in.endless);
+      if (shadows_) rays_[choice.light].fetch_add(1, std::memory_order_relaxed);
+      continue;
+    }
+    const Emitter& e = emitters_.whole[choice.light - tree_.punctualCount()];
+    if (p.triangle == e.triangle || glm::dot(p.position_m - e.corner_m[0], e.normal) <= double(tracer_.lift_m())) continue;
+    const double s = std::sqrt(pick), w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
+    const glm::dvec3 q = e.corner_m[0] + w1 * (e.corner_m[1] - e.corner_m[0]) + w2 * (e.corner_m[2] - e.corner_m[0]);
+    const glm::dvec3 r = q - p.position_m;
+    const double d2 = glm::dot(r, r);
+    const double cosines = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, e.normal));
+    if (!(cosines > 0.0) || glm::dot(r, p.geometricNormal) <= 0.0) continue;
+    unshadowed[n] = (cosines / (d2 * d2) * e.area_m2 / choice.share) * glm::dvec3(e.radiance);
+    const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, e.normal);
+    rays[n++] = {from, to - from, 1.0f};
+  }
+  if (n == 0) return out;
+  trace({rays.data(), n}, {blocked.data(), n}, Purpose::Emitter);
+  std::size_t seen = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    out.unshadowed += unshadowed[i] / double(draws);
+    if (blocked[i]) continue;
+    ++seen;
+    out.illuminance += unshadowed[i] / double(draws);
+  }
+  out.seen = seen > 0;
+  out.mixed = seen > 0 && seen < n;
+  return out;
 }
 
 }  // namespace lmc

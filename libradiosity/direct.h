@@ -7,18 +7,26 @@
 #include <span>
 #include <vector>
 
-#include "libradiosity/emitters.h"
+#include "libradiosity/light_tree.h"
 #include "libscene/rng.h"
 #include "libscene/texels.h"
 #include "libscene/tracer.h"
 
 namespace lmc {
 
-/// Mean over a set of places and which lights had a say.
-struct DirectSample {
-  glm::dvec3 illuminance{0.0};  ///< E [lx], mean over the places
-  std::uint64_t signature = 0;  ///< equal for two sets where the same lights are seen and the same are hidden
-  bool mixed = false;           ///< a light is seen from some of the places and hidden from others, or shines on some only
+/// What lights give a set of places, mean over them.
+struct DirectPart {
+  glm::dvec3 illuminance{0.0};  ///< E [lx]
+  glm::dvec3 unshadowed{0.0};   ///< E if nothing were in the way [lx]
+  bool seen = false;            ///< from some of the places
+  bool mixed = false;           ///< seen from some of the places and hidden from others, or shining on some only
+  DirectPart& operator+=(const DirectPart& o) {
+    illuminance += o.illuminance;
+    unshadowed += o.unshadowed;
+    seen |= o.seen;
+    mixed |= o.mixed;
+    return *this;
+  }
 };
 
 class DirectLight {
@@ -30,24 +38,30 @@ class DirectLight {
   const Emitters& emitters() const { return emitters_; }
   std::uint64_t raysOf(std::uint32_t light) const { return rays_[light].load(); }
 
-  /// Lights that may reach some point of the sphere.
-  std::vector<std::uint32_t> lightsFor(const glm::dvec3& centre_m, double radius_m) const;
+  /// What the places of a sphere must ask; with a normal, fewer.
+  LightCut lightsFor(const glm::dvec3& centre_m, double radius_m) const { return tree_.cutFor({centre_m, radius_m}); }
+  LightCut lightsFor(const Receivers& receivers) const { return tree_.cutFor(receivers); }
 
-  /// One place each for every point; `address` names the random numbers on the emitters. Punctual lights: one shadow ray a place and light.
-  /// Emitters: one ray a place, to a piece chosen by about what it would give, a place on it by area; the visible share is weighted by
-  /// the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias of the ratio falls with the
-  /// number of rays.
-  DirectSample sample(std::span<const SurfacePoint> places, std::span<const std::uint32_t> lights, const Sobol4& address) const;
+  /// One punctual light: one shadow ray a place.
+  DirectPart punctual(std::span<const SurfacePoint> places, std::uint32_t light) const;
+  /// Emitters: one ray a place, to a piece chosen by about what it would give, a place on it by area; `address` names the random numbers.
+  /// The visible share is weighted by the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias
+  /// of the ratio falls with the number of rays.
+  DirectPart emitters(std::span<const SurfacePoint> places, std::span<const std::uint32_t> emitters, const Sobol4& address) const;
+  /// The groups of a cut: kGroupDraws rays a place, each to one of their lights.
+  DirectPart groups(std::span<const SurfacePoint> places, const LightCut&, const Sobol4& address) const;
+  /// All of a cut.
+  DirectPart sample(std::span<const SurfacePoint> places, const LightCut&, const Sobol4& address) const;
 
  private:
-  void addPunctual(DirectSample&, std::span<const SurfacePoint>, std::uint32_t light) const;
   void trace(std::span<const Ray>, std::span<std::uint8_t> blocked, Purpose) const;
-  void addEmitters(DirectSample&, std::span<const SurfacePoint>, const Sobol4&) const;
+  Ray towards(const Light&, const SurfacePoint&, const glm::dvec3& towards, bool endless) const;
 
   const Scene& scene_;
   const Tracer& tracer_;
   bool shadows_;
   Emitters emitters_;
+  LightTree tree_;
   mutable std::vector<std::atomic<std::uint64_t>> rays_;  // shadow rays of each punctual light
 };
 

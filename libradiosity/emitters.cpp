@@ -70,9 +70,16 @@ Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
       emitters.push_back(e);
     }
   }
+  for (Emitter& e : emitters) {
+    int longest = 0;
+    e.longest2_m2 = std::pow(longestEdge_m(e, longest), 2.0);
+  }
   Emitters out;
-  for (const Emitter& e : emitters)
-    if (!e.textured) out.whole.push_back(e);
+  for (Emitter& e : emitters)
+    if (!e.textured) {
+      e.whole = std::uint32_t(out.whole.size());
+      out.whole.push_back(e);
+    }
   const double smallest = 2.0 * double(scene.extent_m) * kSmallestPiece;
   std::priority_queue<std::pair<double, std::size_t>> queue;
   int edge = 0;
@@ -94,10 +101,21 @@ Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
   }
   // A textured piece shines evenly, by its own mean: seen from farther than its size that is no difference, and nothing is left to chance.
   for (Emitter& e : emitters) {
-    if (e.textured) e.radiance = meanRadiance(scene, e);
+    if (e.textured) {
+      e.radiance = meanRadiance(scene, e);
+      e.longest2_m2 = std::pow(longestEdge_m(e, edge), 2.0);
+    }
     if (strength(e.radiance) <= 0.0f) continue;
-    if (e.textured) out.whole.push_back(e);
+    if (e.textured) {
+      e.whole = std::uint32_t(out.whole.size());
+      out.whole.push_back(e);
+    }
     out.pieces.push_back(e);
+  }
+  std::ranges::stable_sort(out.pieces, {}, &Emitter::whole);
+  for (std::uint32_t i = 0; i < out.pieces.size(); ++i) {
+    Emitter& whole = out.whole[out.pieces[i].whole];
+    if (whole.pieceCount++ == 0) whole.firstPiece = i;
   }
   return out;
 }

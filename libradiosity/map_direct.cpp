@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "libradiosity/light_map.h"
+#include "libscene/constants.h"
 #include "libscene/parallel.h"
 
 namespace lmc {
@@ -10,56 +12,232 @@ namespace {
 
 constexpr std::uint32_t kPilotPlaces = 8;  // each half, on every texel that a light may reach
 
+constexpr std::uint32_t kMostPlaces = 128;
+constexpr double kStrong = 0.25;      // share of a texel's light from which a part gets all the places of an edge
+constexpr double kDeepShadow = 0.25;  // errors in a shadow count against so much of the light without it
+
 /// Places on the edge texels of shadows, each half: their error falls about as n^-0.75 and they are a few percent of a map.
-std::uint32_t edgePlaces(double goal) { return goal <= 0.01 ? 128 : goal <= 0.04 ? 64 : 32; }
+std::uint32_t edgePlaces(double goal) { return goal <= 0.01 ? kMostPlaces : goal <= 0.04 ? 64 : 32; }
 
-struct Sphere {
-  glm::dvec3 centre{0.0};
-  double radius = -1.0;
-};
+constexpr int kSpan = kTile + 2 * kApron;
+constexpr int kCutBlock = 16;  // texels that share a cut: few enough that lights are near or far for all of them
 
-/// Holds every covered place of the tile: the corners of its fragments are the extremes of flat pieces.
-Sphere boundsOf(const Scene& scene, const TexelTile& tile) {
-  glm::dvec3 lo(1e300), hi(-1e300);
-  for (const Fragment& f : tile.fragments) {
-    const auto c = scene.corners_m(f.triangle);
-    for (std::uint32_t k = 0; k < f.cornerCount; ++k) {
-      const glm::dvec2 p = tile.corners[f.firstCorner + k];
-      const glm::dvec2 b = f.bary0 + p.x * f.baryX + p.y * f.baryY;
-      const glm::dvec3 at = c[0] + b.x * (c[1] - c[0]) + b.y * (c[2] - c[0]);
-      lo = glm::min(lo, at);
-      hi = glm::max(hi, at);
+/// Which lights each texel of a tile asks: one cut for the texels of a chart in a block. Apron texels go with the block beside them.
+class TileCuts {
+ public:
+  TileCuts(const Scene& scene, const TexelTile& tile, const DirectLight& direct) : of_(std::size_t(kSpan) * kSpan, kNone) {
+    struct Block {
+      std::uint64_t key;
+      glm::dvec3 lo{1e300}, hi{-1e300}, normals{0.0};
+      std::vector<glm::dvec3> directions;
+    };
+    std::vector<Block> blocks;
+    for (int y = -kApron; y < tile.height + kApron; ++y)
+      for (int x = -kApron; x < tile.width + kApron; ++x) {
+        const Texel& texel = tile.at(x, y);
+        if (texel.fragmentCount == 0) continue;
+        const auto bx = std::uint64_t(std::clamp(x, 0, tile.width - 1) / kCutBlock),
+                   by = std::uint64_t(std::clamp(y, 0, tile.height - 1) / kCutBlock);
+        const std::uint64_t key = (std::uint64_t(texel.chart) << 16) | (by << 8) | bx;
+        auto it = std::ranges::find(blocks, key, &Block::key);
+        if (it == blocks.end()) {
+          blocks.push_back({});
+          it = blocks.end() - 1;
+          it->key = key;
+        }
+        of_[cell(x, y)] = std::uint32_t(it - blocks.begin());
+        for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
+          const Fragment& f = tile.fragments[texel.firstFragment + i];
+          const auto c = scene.corners_m(f.triangle);
+          for (std::uint32_t k = 0; k < f.cornerCount; ++k) {
+            const glm::dvec2 p = tile.corners[f.firstCorner + k];
+            const glm::dvec2 b = f.bary0 + p.x * f.baryX + p.y * f.baryY;
+            const glm::dvec3 at = c[0] + b.x * (c[1] - c[0]) + b.y * (c[2] - c[0]);
+            it->lo = glm::min(it->lo, at);
+            it->hi = glm::max(it->hi, at);
+          }
+          const glm::uvec3 v = scene.triangles[f.triangle];
+          for (int k = 0; k < 3; ++k) {
+            const glm::dvec3 n(scene.normals[v[k]]);
+            if (!it->directions.empty() && n == it->directions.back()) continue;
+            it->directions.push_back(n);
+            it->normals += n;
+          }
+        }
+      }
+    for (const Block& b : blocks) {
+      Receivers r{0.5 * (b.lo + b.hi), 0.5 * glm::length(b.hi - b.lo) * (1.0 + 1e-9), glm::dvec3(0.0), 0.0};
+      if (glm::length(b.normals) > 1e-6) {
+        r.normal = glm::normalize(b.normals);
+        for (const glm::dvec3& n : b.directions)
+          r.bend_rad = std::max(r.bend_rad, std::atan2(glm::length(glm::cross(r.normal, n)), glm::dot(r.normal, n)));
+        if (r.bend_rad > kPi / 2.0) r.normal = glm::dvec3(0.0);
+      }
+      cuts_.push_back(direct.lightsFor(r));
     }
   }
-  if (tile.fragments.empty()) return {};
-  return {0.5 * (lo + hi), 0.5 * glm::length(hi - lo) * (1.0 + 1e-9)};
-}
-
-/// Direct light of one texel, both halves.
-struct TexelDirect {
-  std::array<DirectSample, 2> half;
-  bool settled(double goal) const {
-    const glm::dvec3 a = half[0].illuminance, b = half[1].illuminance, d = glm::abs(a - b), s = a + b;
-    return !half[0].mixed && !half[1].mixed && half[0].signature == half[1].signature &&
-           std::max({d.x, d.y, d.z}) <= 0.5 * goal * std::max({s.x, s.y, s.z});
+  const LightCut& of(int x, int y) const { return cuts_[of_[cell(x, y)]]; }
+  bool empty() const {
+    return std::ranges::all_of(cuts_, [](const LightCut& c) { return c.empty(); });
   }
+  static std::size_t cell(int x, int y) { return std::size_t(y + kApron) * kSpan + std::size_t(x + kApron); }
+
+ private:
+  std::vector<std::uint32_t> of_;
+  std::vector<LightCut> cuts_;
 };
 
-TexelDirect directOf(const Scene& scene, const TexelTile& tile, int x, int y, const DirectLight& direct,
-                     std::span<const std::uint32_t> lights, std::uint32_t places, std::uint64_t seed) {
-  TexelDirect out;
-  std::vector<SurfacePoint> at(places);
-  const TexelSampler sampler(scene, tile, tile.at(x, y));
-  for (std::uint32_t h = 0; h < 2; ++h) {
-    const Sobol4 numbers = sequence(seed, Draw::Direct, 0, 0, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y), h);
-    for (std::uint32_t k = 0; k < places; ++k) {
-      const glm::vec4 u = numbers.point(k);
-      at[k] = sampler.at({u.z, u.w});
-    }
-    out.half[h] = direct.sample(at, lights, numbers);
+/// What one part of a texel's cut gives: one punctual light, all emitters, or all groups.
+struct Part {
+  enum State : std::uint8_t { Nothing, Hidden, Lit, Mixed };
+  std::array<Rgb, 2> half{Rgb(0.0f), Rgb(0.0f)};
+  float unshadowed = 0.0f;
+  State state = Nothing;
+};
+
+/// Direct light of a tile.
+class TileDirect {
+ public:
+  TileDirect(LightMap& map, const Scene& scene, const TexelTile& tile, const DirectLight& direct, double goal, std::uint64_t seed)
+      : map_(map), scene_(scene), tile_(tile), direct_(direct), goal_(goal), seed_(seed), cuts_(scene, tile, direct) {}
+
+  void bake() {
+    if (cuts_.empty()) return;
+    first_.assign(std::size_t(kSpan) * kSpan, 0);
+    std::size_t count = 0;
+    forCovered(kApron, [&](int x, int y) {
+      first_[TileCuts::cell(x, y)] = count;
+      count += partsOf(cuts_.of(x, y));
+    });
+    parts_.resize(count);
+    forCovered(kApron, [&](int x, int y) {
+      Sampling s(*this, x, y, kPilotPlaces);
+      for (std::size_t k = 0; k < partsOf(cuts_.of(x, y)); ++k) part(x, y, k) = s.part(k, kPilotPlaces);
+    });
+    forCovered(0, [&](int x, int y) { finish(x, y); });
   }
-  return out;
-}
+
+ private:
+  static std::size_t partsOf(const LightCut& c) { return c.punctual.size() + !c.emitters.empty() + !c.groups.empty(); }
+  Part& part(int x, int y, std::size_t k) { return parts_[first_[TileCuts::cell(x, y)] + k]; }
+
+  template <class F>
+  void forCovered(int apron, F&& f) {
+    for (int y = -apron; y < tile_.height + apron; ++y)
+      for (int x = -apron; x < tile_.width + apron; ++x)
+        if (tile_.at(x, y).fragmentCount > 0) f(x, y);
+  }
+
+  /// Places of both halves of a texel, and what parts give there.
+  struct Sampling {
+    Sampling(const TileDirect& tile, int x, int y, std::uint32_t places) : tile_(tile), cut_(tile.cuts_.of(x, y)) {
+      const TexelSampler sampler(tile.scene_, tile.tile_, tile.tile_.at(x, y));
+      for (std::uint32_t h = 0; h < 2; ++h) {
+        numbers_[h] = sequence(tile.seed_, Draw::Direct, 0, 0, std::uint32_t(tile.tile_.x0 + x), std::uint32_t(tile.tile_.y0 + y), h);
+        for (std::uint32_t k = 0; k < places; ++k) {
+          const glm::vec4 u = numbers_[h].point(k);
+          at_[h][k] = sampler.at({u.z, u.w});
+        }
+      }
+    }
+    Part part(std::size_t k, std::uint32_t places) const {
+      Part out;
+      DirectPart sum;
+      bool seen[2];
+      for (std::uint32_t h = 0; h < 2; ++h) {
+        const std::span<const SurfacePoint> at(at_[h].data(), places);
+        const DirectPart p = k < cut_.punctual.size()                              ? tile_.direct_.punctual(at, cut_.punctual[k])
+                             : k == cut_.punctual.size() && !cut_.emitters.empty() ? tile_.direct_.emitters(at, cut_.emitters, numbers_[h])
+                                                                                   : tile_.direct_.groups(at, cut_, numbers_[h]);
+        out.half[h] = Rgb(p.illuminance);
+        sum += p;
+        seen[h] = p.seen;
+      }
+      out.unshadowed = 0.5f * strength(Rgb(sum.unshadowed));
+      if (out.unshadowed > 0.0f) out.state = sum.mixed || seen[0] != seen[1] ? Part::Mixed : seen[0] ? Part::Lit : Part::Hidden;
+      return out;
+    }
+
+   private:
+    const TileDirect& tile_;
+    const LightCut& cut_;
+    std::array<Sobol4, 2> numbers_{Sobol4(0), Sobol4(0)};
+    std::array<std::array<SurfacePoint, kMostPlaces>, 2> at_;
+  };
+
+  /// The state of the k-th part of a cut in a neighbour, whose cut may be another.
+  Part::State stateThere(const LightCut& cut, std::size_t k, int x, int y) {
+    const LightCut& other = cuts_.of(x, y);
+    if (&other == &cut) return part(x, y, k).state;
+    if (k < cut.punctual.size()) {
+      const auto it = std::ranges::lower_bound(other.punctual, cut.punctual[k]);
+      return it == other.punctual.end() || *it != cut.punctual[k] ? Part::Nothing
+                                                                  : part(x, y, std::size_t(it - other.punctual.begin())).state;
+    }
+    const bool emitters = k == cut.punctual.size() && !cut.emitters.empty();
+    if ((emitters ? other.emitters : other.groups).empty()) return Part::Nothing;
+    return part(x, y, other.punctual.size() + (emitters ? 0 : !other.emitters.empty())).state;
+  }
+
+  void finish(int x, int y) {
+    const LightCut& cut = cuts_.of(x, y);
+    const std::size_t n = partsOf(cut);
+    double total = 0.0, unshadowed = 0.0;
+    for (std::size_t k = 0; k < n; ++k) {
+      const Part& p = part(x, y, k);
+      total += 0.5 * double(strength(p.half[0] + p.half[1]));
+      unshadowed += double(p.unshadowed);
+    }
+    const double against = std::max(total, kDeepShadow * unshadowed);
+    const std::uint32_t most = edgePlaces(goal_);
+    std::array<Rgb, 2> sum{Rgb(0.0f), Rgb(0.0f)};
+    std::unique_ptr<Sampling> more;
+    bool edge = false;
+    for (std::size_t k = 0; k < n; ++k) {
+      Part p = part(x, y, k);
+      if (!settled(x, y, k, total)) {
+        edge = true;
+        // The error of a part falls about as places^-0.75: a faint light needs fewer for the same.
+        const double wish = double(most) * std::pow(std::min(1.0, double(p.unshadowed) / (kStrong * against)), 4.0 / 3.0);
+        const auto places = std::uint32_t(std::min(double(most), std::exp2(std::ceil(std::log2(std::max(1.0, wish))))));
+        if (places > kPilotPlaces) {
+          if (!more) more = std::make_unique<Sampling>(*this, x, y, most);
+          p = more->part(k, places);
+        }
+      }
+      for (std::size_t h = 0; h < 2; ++h) sum[h] += p.half[h];
+    }
+    const std::size_t i = map_.index(tile_, x, y);
+    map_.edge[i] = edge;
+    for (std::size_t h = 0; h < 2; ++h) map_.direct[h][i] = sum[h];
+  }
+
+  /// Few places prove little: a light is taken as plainly seen or hidden only when the texel's neighbours on the chart say the same.
+  bool settled(int x, int y, std::size_t k, double total) {
+    const Part& p = part(x, y, k);
+    if (p.state == Part::Nothing) return true;
+    if (p.state == Part::Mixed || double(strength(glm::abs(p.half[0] - p.half[1]))) > goal_ * total) return false;
+    const LightCut& cut = cuts_.of(x, y);
+    for (int dy = -1; dy <= 1; ++dy)
+      for (int dx = -1; dx <= 1; ++dx) {
+        const Texel& other = tile_.at(x + dx, y + dy);
+        if (other.fragmentCount == 0 || other.chart != tile_.at(x, y).chart) continue;
+        const Part::State there = stateThere(cut, k, x + dx, y + dy);
+        if (there != p.state && there != Part::Nothing) return false;
+      }
+    return true;
+  }
+
+  LightMap& map_;
+  const Scene& scene_;
+  const TexelTile& tile_;
+  const DirectLight& direct_;
+  double goal_;
+  std::uint64_t seed_;
+  TileCuts cuts_;
+  std::vector<std::size_t> first_;
+  std::vector<Part> parts_;
+};
 
 }  // namespace
 
@@ -68,35 +246,7 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
   if (!direct.any()) return;
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
     const TexelTile tile = texels.texels(t);
-    const Sphere bounds = boundsOf(scene, tile);
-    if (bounds.radius < 0.0) return;
-    const std::vector<std::uint32_t> lights = direct.lightsFor(bounds.centre, bounds.radius);
-    if (lights.empty() && !direct.hasEmitters()) return;
-    constexpr int kSpan = kTile + 2 * kApron;
-    std::vector<TexelDirect> pilot(std::size_t(kSpan) * kSpan);
-    const auto cell = [](int x, int y) { return std::size_t(y + kApron) * kSpan + std::size_t(x + kApron); };
-    for (int y = -kApron; y < tile.height + kApron; ++y)
-      for (int x = -kApron; x < tile.width + kApron; ++x)
-        if (tile.at(x, y).fragmentCount > 0) pilot[cell(x, y)] = directOf(scene, tile, x, y, direct, lights, kPilotPlaces, run.seed);
-    for (int y = 0; y < tile.height; ++y)
-      for (int x = 0; x < tile.width; ++x) {
-        const Texel& texel = tile.at(x, y);
-        if (texel.fragmentCount == 0) continue;
-        TexelDirect here = pilot[cell(x, y)];
-        // Few places prove little: a texel is taken as plainly lit or dark only when its neighbours on the chart say the same.
-        bool settled = here.settled(options.goal);
-        for (int dy = -1; dy <= 1 && settled; ++dy)
-          for (int dx = -1; dx <= 1 && settled; ++dx) {
-            const Texel& other = tile.at(x + dx, y + dy);
-            if (other.fragmentCount == 0 || other.chart != texel.chart) continue;
-            const TexelDirect& there = pilot[cell(x + dx, y + dy)];
-            settled = there.half[0].signature == here.half[0].signature && !there.half[0].mixed && !there.half[1].mixed;
-          }
-        if (!settled) here = directOf(scene, tile, x, y, direct, lights, edgePlaces(options.goal), run.seed);
-        const std::size_t i = map.index(tile, x, y);
-        map.edge[i] = !settled;
-        for (std::size_t h = 0; h < 2; ++h) map.direct[h][i] = Rgb(here.half[h].illuminance);
-      }
+    if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options.goal, run.seed).bake();
   });
 }
 

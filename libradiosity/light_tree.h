@@ -1,0 +1,103 @@
+#pragma once
+/// All lights of a level in one tree, so that a place asks the lights that matter there and not every one of them: near and strong lights
+/// each by itself, the rest as groups that are sampled in proportion to what they may give [conty2018].
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "libradiosity/emitters.h"
+#include "libscene/texels.h"
+
+namespace lmc {
+
+/// Which lights are asked by themselves at the places of a sphere, and the tree's nodes that stand for all others.
+struct LightCut {
+  std::vector<std::uint32_t> punctual;  ///< into Scene::lights
+  std::vector<std::uint32_t> emitters;  ///< into Emitters::whole
+  std::vector<std::uint32_t> groups;    ///< nodes of the tree
+  bool empty() const { return punctual.empty() && emitters.empty() && groups.empty(); }
+};
+
+/// Where a cut is for: every place lies in the sphere. With a normal, all of them face that way within `bend`.
+struct Receivers {
+  glm::dvec3 centre_m{0.0};
+  double radius_m = 0.0;
+  glm::dvec3 normal{0.0};  ///< unit; 0 = not known
+  double bend_rad = 0.0;
+};
+
+class LightTree {
+ public:
+  static constexpr std::size_t kMostNodes = 64;  ///< of a cut
+  LightTree(const Scene&, const Emitters&);
+
+  LightCut cutFor(const Receivers&) const;
+
+  /// One light of the groups, chosen in proportion to about what it would give.
+  struct Choice {
+    std::uint32_t light = kNone;  ///< below punctualCount(): a punctual light, else punctualCount() + an emitter
+    double share = 0.0;           ///< probability of the choice; 0 = nothing was chosen
+  };
+  /// Shares of a cut's groups as one place sees them, good for its neighbourhood: a little of each goes by strength alone.
+  class Groups {
+   public:
+    Groups(const LightTree&, const LightCut&, const SurfacePoint&);
+    /// For a place of the neighbourhood; u in [0, 1) comes back as what is left of it.
+    Choice choose(const SurfacePoint&, double& u) const;
+
+   private:
+    const LightTree& tree_;
+    const LightCut& cut_;
+    std::array<double, kMostNodes + 2> begin_;  // cumulative
+    double total_ = 0.0;
+  };
+  std::uint32_t punctualCount() const { return punctualCount_; }
+
+ private:
+  /// An angle in [0, pi] without trigonometric functions: they would take longer than a ray.
+  struct Angle {
+    double cos = 1.0, sin = 0.0;
+    static Angle of(double rad) { return {std::cos(rad), std::sin(rad)}; }
+    /// Of two unit vectors.
+    static Angle between(const glm::dvec3& a, const glm::dvec3& b) {
+      const double c = glm::clamp(glm::dot(a, b), -1.0, 1.0);
+      return {c, std::sqrt(1.0 - c * c)};
+    }
+    /// At most pi.
+    Angle operator+(const Angle& o) const {
+      const Angle sum{cos * o.cos - sin * o.sin, sin * o.cos + cos * o.sin};
+      return sum.sin < 0.0 ? Angle{-1.0, 0.0} : sum;
+    }
+    /// cos(max(0, this - o)).
+    double cosBeyond(const Angle& o) const { return cos >= o.cos ? 1.0 : cos * o.cos + sin * o.sin; }
+  };
+  struct Node {
+    glm::dvec3 lo{1e300}, hi{-1e300};  // of positions [m]
+    glm::dvec3 centre_m{0.0};
+    double radius_m = 0.0;
+    glm::dvec3 axis{0.0};  // unit; directions of its light lie within `spread` of it
+    double spread_rad = 0.0, cone_rad = 0.0;
+    Angle spread, cover;          // cover: spread and the cone about each direction
+    double strength = 0.0;        // sum of intensities towards the axis [cd], largest channel
+    bool flat = false;            // all of them are emitters: their light falls with the cosine
+    double range_m = 0.0;         // beyond it from the box nothing shines; 0 = endless
+    std::uint32_t child = kNone;  // the first of two; kNone = a leaf
+    std::uint32_t light = kNone;
+    std::uint32_t count = 0;  // of lights below
+    void measure();
+  };
+  static double mostCosines(const Node&, const glm::dvec3& to, double distance, double reach, const glm::dvec3& normal, const Angle& bend);
+  double sumOfFew(std::uint32_t node, const SurfacePoint&) const;
+  std::uint32_t build(std::vector<Node>&, std::size_t begin, std::size_t end);
+  /// The most that the node gives to a place of the sphere [lx], but for emitters at touching distance.
+  double bound(const Node&, const Receivers&) const;
+  /// About what the node gives to a place; 0 only where it gives nothing [lx].
+  double estimate(const Node&, const SurfacePoint&) const;
+
+  std::uint32_t punctualCount_ = 0;
+  std::vector<std::uint32_t> always_;  // directional and classic lights: their light does not fall with the square of distance
+  std::vector<Node> nodes_;            // the root is the last; empty when all lights are in always_
+};
+
+}  // namespace lmc
