@@ -76,18 +76,21 @@ void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, co
     const Sobol4 directions = sequence(run.seed, Draw::PatchSky, 0, 0, std::uint32_t(i), 1, 0);
     std::uint32_t exposed = 0;
     patch.exposed = 0;
+    patch.fronts = patch.backs = patch.left = 0;
     for (std::uint32_t k = 0; k < kPatchPlaces; ++k) {
       const glm::vec4 u = places.point(k);
       const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
-      bool buried = true;
+      bool buried = true, leaves = false, back = false;  // the last two: where the first ray went
       for (std::uint32_t r = 0; r < kBurialRays && buried; ++r) {
         const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(k * kBurialRays + r));
         const Hit hit = tracer.closest(Ray{tracer.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY}, Purpose::Exposure);
         buried = hit && mesh.patchAt(hit.triangle, hit.bary, hit.front) == kNone;
+        if (r == 0) leaves = !hit, back = buried;
       }
       if (buried) continue;
       patch.exposed = std::uint16_t(patch.exposed | 1u << k);
       ++exposed;
+      ++(leaves ? patch.left : back ? patch.backs : patch.fronts);
     }
     patch.area_m2 *= double(exposed) / kPatchPlaces;
   });
