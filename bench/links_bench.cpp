@@ -9,7 +9,9 @@
 #include <cstring>
 #include <fstream>
 
+#include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
+#include "libradiosity/solve_stored.h"
 #include "libscene/level.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
@@ -117,6 +119,19 @@ int main(int argc, char** argv) {
       mean += p.area_m2 * (e.x + e.y + e.z) / 3.0;
       area += p.area_m2;
     }
+    if (std::getenv("BY_OBJECT")) {
+      std::vector<std::array<double, 5>> o(scene.objects.size());
+      for (std::size_t i = 0; i < n; ++i) {
+        const Patch& p = mesh.patches[i];
+        const double d = double(H[i].r) - double(exact[i].r), A = p.area_m2;
+        auto& x = o[p.object];
+        x[0] += A, x[1] += A * double(exact[i].r), x[2] += A * d, x[3] += A * d * d,
+            x[4] += A * (double(light.direct[i].r) + double(light.sky[i].r));
+      }
+      for (std::size_t k = 0; k < o.size(); ++k)
+        fmt::print("    {:24} area {:.3f} H {:.4g} E {:.4g} bias {:+.2f} % rms {:.2f} %\n", scene.objects[k].path, o[k][0],
+                   o[k][1] / o[k][0], o[k][4] / o[k][0], 100 * o[k][2] / o[k][1], 100 * std::sqrt(o[k][3] / o[k][0]) / (o[k][1] / o[k][0]));
+    }
     // Hemisphere rays from places on 2000 patches, by area.
     double seenSquares = 0.0, seenMean = 0.0, localSquares = 0.0;
     constexpr std::uint32_t kFrom = 2000, kRays = 256;
@@ -156,6 +171,20 @@ int main(int argc, char** argv) {
   if (reference > 0.0) {
     compare("links", s.fine.illuminance);
     compare("links before", s.coarse);
+  }
+  if (std::getenv("DENSE") && n <= kMaxDensePatches) {
+    const FormFactors f = computeFormFactors(scene, tracer, mesh, run);
+    fmt::print("  dense: closure off by {:.4f}\n", f.closureError);
+    compare("dense", solveDense(mesh, f, light, {}).illuminance);
+  }
+  for (const std::uint32_t r : {16u, 32u, 64u}) {
+    rays = tracer.rays(Purpose::Shoot);
+    start = cpuSeconds();
+    const StoredSolution t = solveStored(scene, tracer, mesh, light, {.rays = r, .maxTail = 0.05 * goal}, run);
+    fmt::print("  stored rays {}: {:.3f} CPU s, {} rays, {} iterations, closure off by {:.3f}, balance {:.2g}, {} bytes, peak {} MB\n", r,
+               since(start), tracer.rays(Purpose::Shoot) - rays, t.solution.passes, t.closureError, t.solution.energy.imbalance(), t.bytes,
+               peakBytes() >> 20);
+    if (reference > 0.0) compare("stored", t.solution.illuminance);
   }
   if (shooting) {
     rays = tracer.rays(Purpose::Shoot);

@@ -17,6 +17,7 @@ constexpr int kBins = 16;
 // A split along a normal's component counts against one along an axis of space as if normals were places in a cube of this share of the
 // node's own size (normals differ by 2 at most). With 0.5 the six walls of a room come apart before a wall is cut.
 constexpr double kNormalScale = 0.5;
+constexpr float kBent = 0.7f;      // cosine of a cone's half angle above which a part is taken as one bent face
 constexpr int kBalancedFrom = 48;  // depth from which nodes are halved by number, so that no tree is deeper than about 80
 
 struct Shape {
@@ -174,19 +175,9 @@ ClusterTree makeClusters(const Scene& scene, const PatchMesh& mesh, const Run& r
 
   tree.areaBefore.resize(tree.order.size() + 1, 0.0);
   for (std::size_t k = 0; k < tree.order.size(); ++k) tree.areaBefore[k + 1] = tree.areaBefore[k] + shapes[tree.order[k]].area;
-  tree.places.resize(kPlaces * tree.order.size());
-  parallelFor(quiet, tree.order.size(), 256, [&](std::size_t k) {
-    const Patch& p = mesh.patches[tree.order[k]];
-    constexpr std::array<glm::vec2, kPlaces> kU{{{0.25f, 0.25f}, {0.75f, 0.75f}, {0.25f, 0.75f}, {0.75f, 0.25f}}};
-    for (std::size_t m = 0; m < kPlaces; ++m) {
-      const auto [triangle, bary] = mesh.sample(p, kU[m]);
-      const SurfacePoint s = surfacePoint(scene, triangle, bary);
-      tree.places[kPlaces * k + m] = {glm::vec3(s.position_m), glm::vec3(p.back ? -s.geometricNormal : s.geometricNormal)};
-    }
-  });
-
   // Upwards: boxes, areas, cones. A cone of two cones: about the half of their outermost normals' angle.
   std::vector<double> half(tree.nodes.size());
+  std::vector<glm::dvec3> centroid(tree.nodes.size()), normal(tree.nodes.size());  // area means
   std::vector<glm::dvec3> axis(tree.nodes.size());
   for (std::size_t id = tree.nodes.size(); id-- > 0;) {
     Cluster& n = tree.nodes[id];
@@ -196,6 +187,8 @@ ClusterTree makeClusters(const Scene& scene, const PatchMesh& mesh, const Run& r
       n.hi_m = s.hi;
       axis[id] = s.normal;
       half[id] = s.spread;
+      centroid[id] = mesh.patches[tree.order[n.first]].centre_m;
+      normal[id] = s.normal;
       tree.leafOf[tree.order[n.first]] = std::uint32_t(id);
     } else {
       const Cluster &a = tree.nodes[n.child], &b = tree.nodes[n.child + 1];
@@ -218,18 +211,66 @@ ClusterTree makeClusters(const Scene& scene, const PatchMesh& mesh, const Run& r
       }
     }
     n.area_m2 = tree.areaBefore[n.first + n.count] - tree.areaBefore[n.first];
+    if (!n.isLeaf()) {
+      const double whole = tree.nodes[n.child].area_m2 + tree.nodes[n.child + 1].area_m2;
+      const double share = whole > 0.0 ? tree.nodes[n.child].area_m2 / whole : 0.5;
+      centroid[id] = share * centroid[n.child] + (1.0 - share) * centroid[n.child + 1];
+      normal[id] = share * normal[n.child] + (1.0 - share) * normal[n.child + 1];
+    }
+    n.centroid_m = glm::vec3(centroid[id]);
     n.centre_m = 0.5f * (n.lo_m + n.hi_m);
     n.radius_m = std::nextafter(float(0.5 * glm::length(glm::dvec3(n.hi_m) - glm::dvec3(n.lo_m))) * (1.0f + 1e-6f), INFINITY);
     n.axis = glm::vec3(axis[id]);
     // Rounded outwards by more than what float loses: a cone too wide is slower, one too narrow is wrong.
     n.cosine = half[id] >= 3.14 ? -1.0f : float(std::cos(std::min(3.1415, half[id]))) - 1e-7f;
   }
+  tree.places.resize(tree.nodes.size());
   parallelFor(quiet, tree.nodes.size(), 64, [&](std::size_t id) {
-    Cluster& n = tree.nodes[id];
-    for (std::size_t m = 0; m < kPlaces; ++m) {
-      const std::uint32_t k = tree.pick(n, (float(m) + 0.5f) / float(kPlaces)).first;
-      n.place[m] = std::uint32_t(kPlaces * k + (n.count == 1 ? m : (m + k) % kPlaces));
+    const Cluster& n = tree.nodes[id];
+    auto& places = tree.places[id];
+    if (n.isLeaf()) {
+      const Patch& p = mesh.patches[tree.patchOf(n)];
+      constexpr std::array<glm::vec2, kPlaces> kU{{{0.25f, 0.25f}, {0.75f, 0.75f}, {0.25f, 0.75f}, {0.75f, 0.25f}}};
+      for (std::size_t m = 0; m < kPlaces; ++m) {
+        const auto [triangle, bary] = mesh.sample(p, kU[m]);
+        const SurfacePoint s = surfacePoint(scene, triangle, bary);
+        places[m] = {glm::vec3(s.position_m), glm::vec3(p.back ? -s.geometricNormal : s.geometricNormal), 1.0f / float(kPlaces), {}};
+      }
+      return;
     }
+    if (!(n.area_m2 > 0.0)) return;
+    std::size_t m = 0;
+    const auto add = [&](std::uint32_t part) {
+      const Cluster& c = tree.nodes[part];
+      if (!(c.area_m2 > 0.0)) return;
+      Place& p = places[m++];
+      p.share = float(c.area_m2 / n.area_m2);
+      p.position_m = c.centroid_m;
+      p.normal = glm::vec3(normal[part]);
+      if (c.cosine > kBent) return;
+      // Faces that look every way have no place in the middle: one of the patches stands for them.
+      const Patch& patch = mesh.patches[tree.order[tree.pick(c, 0.5f).first]];
+      p.position_m = glm::vec3(patch.centre_m);
+      p.normal = glm::vec3(patch.normal);
+    };
+    for (const std::uint32_t c : {n.child, n.child + 1}) {
+      if (tree.nodes[c].isLeaf()) {
+        add(c);
+      } else {
+        add(tree.nodes[c].child);
+        add(tree.nodes[c].child + 1);
+      }
+    }
+    // Gradient by least squares, C g = sum share (x - c) value; a little of the unit matrix where the places lie in a plane or a line.
+    glm::dmat3 C(0.0);
+    for (const Place& p : places) {
+      const glm::dvec3 x = (glm::dvec3(p.position_m) - centroid[id]) / double(n.radius_m);
+      C += double(p.share) * glm::outerProduct(x, x);
+    }
+    const double ridge = 1e-3 * (C[0][0] + C[1][1] + C[2][2]) + 1e-30;
+    for (int k = 0; k < 3; ++k) C[k][k] += ridge;
+    const glm::dmat3 inverse = glm::inverse(C);
+    for (Place& p : places) p.slope = p.share * glm::vec3(inverse * ((glm::dvec3(p.position_m) - centroid[id]) / double(n.radius_m)));
   });
   // How thick a cluster is along its own axis: exact for flat ones, however they lie in space.
   parallelFor(quiet, tree.nodes.size(), 64, [&](std::size_t id) {

@@ -82,7 +82,10 @@ void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, co
       const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
       bool buried = true, leaves = false, back = false;  // the last two: where the first ray went
       for (std::uint32_t r = 0; r < kBurialRays && buried; ++r) {
-        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(k * kBurialRays + r));
+        // The first rays of all places are the sequence's first points, and each place's others follow each other: points at a stride of
+        // 8 would all lie in one eighth of the square.
+        const std::uint32_t index = r == 0 ? k : kPatchPlaces + k * kBurialRays + r - 1;
+        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(index));
         const Hit hit = tracer.closest(Ray{tracer.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY}, Purpose::Exposure);
         buried = hit && mesh.patchAt(hit.triangle, hit.bary, hit.front) == kNone;
         if (r == 0) leaves = !hit, back = buried;
