@@ -42,6 +42,7 @@ double closeRows(Surfaces& s, const Transport& transport, double tolerance, cons
     before += std::abs(row[i] - s.area[i] * s.closure[i]);
     area += s.area[i];
   }
+  double last = 2.0 * area;
   for (int step = 0; step < kScalings; ++step) {
     double off = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
@@ -51,7 +52,9 @@ double closeRows(Surfaces& s, const Transport& transport, double tolerance, cons
       off += s.area[i] * std::abs(ratio - 1.0);
       s.scale[i] *= std::sqrt(std::clamp(ratio, 0.25, 4.0));
     }
-    if (off <= tolerance * area) break;
+    // In the open some rows cannot be met (two patches that see each other alone, with different shares): no use in going on.
+    if (off <= tolerance * area || (step > 20 && off > 0.97 * last)) break;
+    last = off;
     transport.apply(s, one, row, run);
   }
   return before / std::max(area, 1e-300);

@@ -149,7 +149,7 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
 }
 
 Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap* texels, const PatchLight& light,
-             std::array<const Bounced*, 2> solutions, const Run& run)
+             std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run)
     : scene_(scene), mesh_(mesh), map_(map), uvs_(scene.triangles.size()) {
   std::uint32_t count = 0;
   const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
@@ -158,7 +158,11 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
   for (std::size_t h = 0; h < 2; ++h) {
     indirect[h] = *solutions[h];
     for (std::size_t i = 0; i < indirect[h].size(); ++i) indirect[h][i] += light.sky[i];
-    coarseIndirect[h] = groupMeans(mesh, group, count, indirect[h]);
+    if (coarser) {
+      coarseIndirect[h] = *coarser;
+      for (std::size_t i = 0; i < coarser->size(); ++i) coarseIndirect[h][i] += light.sky[i];
+    }
+    coarseIndirect[h] = groupMeans(mesh, group, count, coarser ? coarseIndirect[h] : indirect[h]);
     for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
       const Rgb rho = mesh.patches[i].reflectance;
       patches_[h].push_back({rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect[h][i])});
