@@ -17,8 +17,9 @@ constexpr int kBins = 16;
 // A split along a normal's component counts against one along an axis of space as if normals were places in a cube of this share of the
 // node's own size (normals differ by 2 at most). With 0.5 the six walls of a room come apart before a wall is cut.
 constexpr double kNormalScale = 0.5;
-constexpr float kBent = 0.7f;      // cosine of a cone's half angle above which a part is taken as one bent face
-constexpr int kBalancedFrom = 48;  // depth from which nodes are halved by number, so that no tree is deeper than about 80
+constexpr float kBent = 0.7f;              // cosine of a cone's half angle above which a part is taken as one bent face
+constexpr std::uint32_t kThickest = 4096;  // patches of a cluster whose thickness is measured; larger ones go by their sphere
+constexpr int kBalancedFrom = 48;          // depth from which nodes are halved by number, so that no tree is deeper than about 80
 
 struct Shape {
   glm::vec3 lo{std::numeric_limits<float>::max()}, hi{-std::numeric_limits<float>::max()};
@@ -276,7 +277,7 @@ ClusterTree makeClusters(const Scene& scene, const PatchMesh& mesh, const Run& r
   parallelFor(quiet, tree.nodes.size(), 64, [&](std::size_t id) {
     Cluster& n = tree.nodes[id];
     double lowest = std::numeric_limits<double>::max(), highest = std::numeric_limits<double>::lowest();
-    if (n.cosine < 0.9f || n.count > 65536) {
+    if (n.cosine < 0.9f || n.count > kThickest) {
       const double c = glm::dot(glm::dvec3(n.centre_m), glm::dvec3(n.axis));
       lowest = c - double(n.radius_m);
       highest = c + double(n.radius_m);

@@ -126,11 +126,7 @@ TEST_P(Scenes, NoRuleSettlesAPairFalsely) {
   }
   EXPECT_GE(rays, 100'000u);
   for (std::size_t r = 0; r < kRules; ++r) EXPECT_EQ(wrong[r], 0u) << kRuleNames[r] << " of " << settled[r];
-  EXPECT_GT(settled[std::size_t(Rule::Facing)], 100u);
-  RecordProperty("empty", std::to_string(settled[std::size_t(Rule::Empty)]));
-  RecordProperty("blocked", std::to_string(settled[std::size_t(Rule::Blocked)]));
-  printf("settled: facing %zu, empty %zu, blocked %zu of %zu rays\n", std::size_t(settled[0]), std::size_t(settled[3]),
-         std::size_t(settled[4]), std::size_t(rays));
+  for (const Rule r : {Rule::Facing, Rule::Empty, Rule::Blocked}) EXPECT_GT(settled[std::size_t(r)], 100u) << kRuleNames[std::size_t(r)];
 }
 
 INSTANTIATE_TEST_SUITE_P(Of, Scenes, testing::Values(0, 1, 2), [](const auto& i) {
