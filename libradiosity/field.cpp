@@ -76,18 +76,24 @@ void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, co
     const Sobol4 directions = sequence(run.seed, Draw::PatchSky, 0, 0, std::uint32_t(i), 1, 0);
     std::uint32_t exposed = 0;
     patch.exposed = 0;
+    patch.fronts = patch.backs = patch.left = 0;
     for (std::uint32_t k = 0; k < kPatchPlaces; ++k) {
       const glm::vec4 u = places.point(k);
       const SurfacePoint p = place(scene, mesh, patch, {u.z, u.w});
-      bool buried = true;
+      bool buried = true, leaves = false, back = false;  // the last two: where the first ray went
       for (std::uint32_t r = 0; r < kBurialRays && buried; ++r) {
-        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(k * kBurialRays + r));
+        // The first rays of all places are the sequence's first points, and each place's others follow each other: points at a stride of
+        // 8 would all lie in one eighth of the square.
+        const std::uint32_t index = r == 0 ? k : kPatchPlaces + k * kBurialRays + r - 1;
+        const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(index));
         const Hit hit = tracer.closest(Ray{tracer.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY}, Purpose::Exposure);
         buried = hit && mesh.patchAt(hit.triangle, hit.bary, hit.front) == kNone;
+        if (r == 0) leaves = !hit, back = buried;
       }
       if (buried) continue;
       patch.exposed = std::uint16_t(patch.exposed | 1u << k);
       ++exposed;
+      ++(leaves ? patch.left : back ? patch.backs : patch.fronts);
     }
     patch.area_m2 *= double(exposed) / kPatchPlaces;
   });
@@ -143,7 +149,7 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
 }
 
 Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap* texels, const PatchLight& light,
-             std::array<const Bounced*, 2> solutions, const Run& run)
+             std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run)
     : scene_(scene), mesh_(mesh), map_(map), uvs_(scene.triangles.size()) {
   std::uint32_t count = 0;
   const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
@@ -152,7 +158,11 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
   for (std::size_t h = 0; h < 2; ++h) {
     indirect[h] = *solutions[h];
     for (std::size_t i = 0; i < indirect[h].size(); ++i) indirect[h][i] += light.sky[i];
-    coarseIndirect[h] = groupMeans(mesh, group, count, indirect[h]);
+    if (coarser) {
+      coarseIndirect[h] = *coarser;
+      for (std::size_t i = 0; i < coarser->size(); ++i) coarseIndirect[h][i] += light.sky[i];
+    }
+    coarseIndirect[h] = groupMeans(mesh, group, count, coarser ? coarseIndirect[h] : indirect[h]);
     for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
       const Rgb rho = mesh.patches[i].reflectance;
       patches_[h].push_back({rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect[h][i])});

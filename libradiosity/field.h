@@ -43,9 +43,10 @@ using Bounced = std::vector<Rgb>;
 /// solver show in the difference of the halves; a coarse copy (means over groups of patches twice the size) shows what patch size costs.
 class Field {
  public:
+  /// `coarser`: a solution that the coarse copy is made of instead (links of the round before); may be nullptr.
   /// `texels` are those of the map; without a map (tests) patches alone are read.
   Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap*, const PatchLight&, std::array<const Bounced*, 2> solutions,
-        const Run&);
+        const Bounced* coarser, const Run&);
   struct Seen {
     Rgb exitance{0.0f};  ///< B [lm/m^2]; emitted light is not in it
     Rgb coarse{0.0f};    ///< the same from patches twice the size

@@ -21,6 +21,7 @@ constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 constexpr double kMeanRaysAtTwoPercent = 1024.0;
 constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
 constexpr double kBudget = 0.84;             // of the goal, for sampling and interpolation; the rest is for patch size and bounces left out
+constexpr double kObjectBudget = 0.78;       // of an object's: estimates of small ones waver more
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
@@ -288,7 +289,7 @@ class HemisphereBaker {
                               double directVarianceOf) {
       double points = 0.0;
       for (const std::uint32_t i : ids) points += pools_[i].points;
-      const double noise = std::max((kBudget * budget - std::sqrt(interpolation2Sum / texelsOf)) / noise95(points), kLeastNoise * budget);
+      const double noise = std::max((budget - std::sqrt(interpolation2Sum / texelsOf)) / noise95(points), kLeastNoise * budget);
       return std::max(noise * noise - directVarianceOf, 0.5 * noise * noise);
     };
 
@@ -304,11 +305,12 @@ class HemisphereBaker {
       for (const std::uint32_t i : ids) pools_[i].wanted = std::max(pools_[i].wanted, raysAt(pools_[i], kappa));
     };
     for (Pool& p : pools_) p.wanted = p.rays;
-    give(all,
-         solve(all, noiseFor(options_.goal * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels, levelVariance)));
+    give(all, solve(all, noiseFor(kBudget * options_.goal * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels,
+                                  levelVariance)));
     for (std::size_t o = 0; o < byObject.size(); ++o) {
       if (byObject[o].empty()) continue;
-      give(byObject[o], solve(byObject[o], noiseFor(budgetOf(o), byObject[o], between[o], objectTexels_[o], directVariance[o])));
+      give(byObject[o],
+           solve(byObject[o], noiseFor(kObjectBudget * budgetOf(o), byObject[o], between[o], objectTexels_[o], directVariance[o])));
     }
     for (const auto& ids : byChart) {
       double own = 0.0, count = 0.0;

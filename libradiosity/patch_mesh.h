@@ -25,6 +25,8 @@ struct Patch {
   Rgb reflectance{0.0f};   ///< area mean
   std::uint32_t object = 0;
   std::uint32_t firstLeaf = 0, leafCount = 0;
+  // Where the first ray of each exposed place went (after exposePatches): what leaves the patch meets fronts, backs or nothing.
+  std::uint8_t fronts = 0, backs = 0, left = 0;
   std::uint16_t exposed = 0xffff;  ///< which of its kPatchPlaces places see something else than the inside of a solid
   bool back = false;               ///< the back of a double-sided material: leaves run clockwise seen from this side
 };

@@ -37,7 +37,8 @@ enum class Draw : std::uint64_t {
   Shoot = 5,
   Visibility = 6,
   Closure = 7,
-  NearHit = 8
+  NearHit = 8,
+  Links = 9
 };
 
 namespace sobol {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 
@@ -47,7 +48,29 @@ const std::map<std::string, ProgressKind> kProgress{{"auto", ProgressKind::Auto}
                                                     {"json", ProgressKind::Json},
                                                     {"none", ProgressKind::None}};
 const std::map<std::string, double> kPresets{{"draft", 0.08}, {"level", 0.02}, {"final", 0.01}};
-const std::map<std::string, Solver> kSolvers{{"auto", Solver::Auto}, {"dense", Solver::Dense}, {"shooting", Solver::Shooting}};
+const std::map<std::string, Solver> kSolvers{{"auto", Solver::Auto},
+                                             {"stored", Solver::Stored},
+                                             {"hierarchical", Solver::Hierarchical},
+                                             {"dense", Solver::Dense},
+                                             {"shooting", Solver::Shooting}};
+
+PartitionOptions partitionOf(const std::string& text) {
+  PartitionOptions out;
+  if (text == "auto") return out;
+  out.automatic = false;
+  out.on.fill(text == "all");
+  if (text == "all" || text == "none") return out;
+  for (std::size_t at = 0;;) {
+    const std::size_t comma = text.find(',', at);
+    const std::string name = text.substr(at, comma == std::string::npos ? comma : comma - at);
+    const auto rule = std::ranges::find(kRuleNames, name);
+    if (rule == kRuleNames.end())
+      throw CLI::ValidationError("--partition", "'" + name + "' is not auto, all, none or one of facing, range, cells, empty, blocked");
+    out.on[std::size_t(rule - kRuleNames.begin())] = true;
+    if (comma == std::string::npos) return out;
+    at = comma + 1;
+  }
+}
 
 void addLevelOptions(CLI::App* app, BakeOptions& o) {
   app->add_option("LEVEL", o.level, "level to read, .glb or .gltf")->required();
@@ -105,8 +128,9 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->type_name("SKY");
   app->add_option_function<std::string>(
          "--solver", [&o](const std::string& t) { o.solver = kSolvers.at(t); },
-         "auto, shooting (any level) or dense (the reference, up to 4096 patches)")
-      ->check(CLI::IsMember({"auto", "dense", "shooting"}))
+         "auto, stored (rays kept, any level), hierarchical (links between clusters), dense (the reference, up to 4096 patches) or "
+         "shooting (pass by pass)")
+      ->check(CLI::IsMember({"auto", "stored", "hierarchical", "dense", "shooting"}))
       ->type_name("NAME");
   app->add_option("--patch-size", o.patchSize_m, "side of a radiosity patch in metres [default: from goal and level]")
       ->check(CLI::Range(1e-9, 1e9));
@@ -118,6 +142,14 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "auto (few texels where light is smooth, what lies between interpolated) or full (every texel)")
       ->check(CLI::IsMember({"auto", "full"}))
       ->type_name("KIND");
+  app->add_option("--max-links", o.maxLinks, "links at most, --solver hierarchical; above it they get coarser")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t(1), std::uint64_t(1) << 40));
+  app->add_option_function<std::string>(
+         "--partition", [&o](const std::string& t) { o.partition = partitionOf(t); },
+         "what pairs of clusters are told without a ray, --solver hierarchical: auto, all, none or a list of "
+         "facing,range,cells,empty,blocked")
+      ->type_name("LIST");
   app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
   app->add_option("--max-texture-pixels", o.limits.maxTexturePixels, "largest picture read")->capture_default_str();
@@ -198,8 +230,8 @@ Command parseCommandLine(int argc, const char* const* argv) {
     throw Error(Exit::Usage, "lmc", "", what + " (lmc --help, lmc VERB --help)");
   }
   for (const BakeOptions* o : {&bake, &plan.bake})
-    if (o->solver == Solver::Dense && (o->passes > 0 || o->snapshot))
-      throw Error(Exit::Usage, "lmc", "", "--solver dense has no passes: leave out --passes and --snapshot, or take --solver shooting");
+    if (o->solver != Solver::Auto && o->solver != Solver::Shooting && (o->passes > 0 || o->snapshot))
+      throw Error(Exit::Usage, "lmc", "", "only --solver shooting has passes: leave out --passes and --snapshot, or take it");
   if (*bakeApp) return bake;
   if (*planApp) return plan;
   if (*compareApp) return compare;

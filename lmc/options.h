@@ -6,12 +6,13 @@
 #include <variant>
 #include <vector>
 
+#include "libradiosity/partition.h"
 #include "libscene/level.h"
 
 namespace lmc {
 
 enum class ProgressKind { Auto, Bar, Lines, Json, None };
-enum class Solver { Auto, Dense, Shooting };
+enum class Solver { Auto, Stored, Hierarchical, Dense, Shooting };
 
 struct BakeOptions {
   std::filesystem::path level, out;
@@ -24,10 +25,12 @@ struct BakeOptions {
   Solver solver = Solver::Auto;
   double patchSize_m = 0.0;  ///< 0 = from the goal and the level
   std::uint32_t maxPatches = 200000;
-  bool interpolate = true;      ///< gather fewer texels where light is smooth
-  int mapSize = 0;              ///< 0 = the level's own, else from the density
-  double texelsPerMetre = 0.0;  ///< 0 = the level's own, else 16
-  std::optional<Rgb> sky;       ///< replaces the level's; black = none
+  bool interpolate = true;              ///< gather fewer texels where light is smooth
+  std::uint64_t maxLinks = 40'000'000;  ///< of the hierarchical solver
+  PartitionOptions partition;           ///< of the hierarchical solver
+  int mapSize = 0;                      ///< 0 = the level's own, else from the density
+  double texelsPerMetre = 0.0;          ///< 0 = the level's own, else 16
+  std::optional<Rgb> sky;               ///< replaces the level's; black = none
   std::uint64_t seed = 1;
   int threads = 0;
   bool json = false;

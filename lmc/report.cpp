@@ -12,6 +12,31 @@ namespace {
 Json rgb(const glm::dvec3& c) { return Json::array({c.x, c.y, c.z}); }
 }  // namespace
 
+namespace {
+constexpr std::array<const char*, 5> kSolverNames{"auto", "stored", "hierarchical", "dense", "shooting"};
+
+Json linksOf(const Bake& b) {
+  const LinkStats& l = b.links;
+  Json rules = Json::object();
+  for (std::size_t k = 0; k < kRules; ++k) {
+    const RuleCount& c = l.rules[k];
+    rules[kRuleNames[k]] = {
+        {"on", c.on}, {"pairs_asked", c.asked}, {"settled", c.settled}, {"rays_saved", c.raysSaved}, {"seconds", c.seconds}};
+  }
+  return {{"count", l.links},
+          {"bytes", l.bytes},
+          {"rays", l.rays},
+          {"pairs", l.pairs},
+          {"rounds", l.rounds},
+          {"threshold", l.threshold},
+          {"full", l.linksFull},
+          {"predicted_error", l.predictedError},
+          {"last_change", b.linkError},
+          {"out_of_range_share", l.droppedShare},
+          {"partition", rules}};
+}
+}  // namespace
+
 Json planOf(const Plan& plan) {
   Json steps = Json::array();
   for (const Step& s : plan.steps)
@@ -56,13 +81,15 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                   {"mean_reflectance", b.meanReflectance}, {"albedo_clamped", b.clampedPatches}};
   if (!b.patches.patches.empty()) {
     const Solution& s = b.solutions[0];
-    r["solver"] = {{"method", b.solvedDense ? "dense" : "shooting"},
+    r["solver"] = {{"method", kSolverNames[std::size_t(b.solver)]},
                    {"passes", s.passes},
                    {"stop", s.stop == Stop::Energy   ? "energy"
                             : s.stop == Stop::Passes ? "passes"
                                                      : "nothing to send"},
                    {"tail_bound", b.tail()}};
     if (b.closureError >= 0.0) r["solver"]["closure_error_before_scaling"] = b.closureError;
+    if (b.solver == Solver::Stored) r["solver"]["stored_bytes"] = b.storedBytes;
+    if (b.solver == Solver::Hierarchical) r["solver"]["links"] = linksOf(b);
     const Energy& g = s.energy;
     r["energy"] = {{"unit", "lm"},
                    {"sent", rgb(g.sent)},

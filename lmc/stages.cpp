@@ -18,6 +18,8 @@ constexpr double kDefaultTexelsPerMetre = 16.0;
 // is of second order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
 constexpr double kPatchesAtTwoPercent = 3000.0;
 constexpr std::size_t kDenseByItself = 600;    // below it the dense solver costs less than the noise of shooting
+constexpr double kStoredRays = 32.0;           // of a patch, each of two streams, at 2 %
+constexpr double kLeastStoredRays = 65536.0;   // of all patches together: few patches are seen large
 constexpr double kNearlyWhite = 0.95;          // area mean of reflectance from which shooting takes hundreds of passes: dense there
 constexpr double kPatchesNearlyWhite = 400.0;  // squares; the field of such a level is smooth
 constexpr std::size_t kDenseNearlyWhite = 1500;
@@ -179,6 +181,112 @@ void patches(Bake& b) {
   b.summary = fmt::format("{} patches of {:.3g} m, {} faces", b.patches.patches.size(), b.patches.size_m, b.patches.leaves.size());
 }
 
+namespace {
+
+double maxTailOf(const BakeOptions& o) { return o.bounceTail > 0.0 ? o.bounceTail : kTailShare * o.goal; }
+
+/// Passes and pictures of them are shooting's. Few patches, or nearly white ones, are dense's: exact, and soon done. For the rest stored
+/// rays: the error of shooting at a fifth of its time; links need more than either for the same error (bench/links_bench).
+Solver solverFor(const Bake& b) {
+  if (b.options.passes > 0 || b.options.snapshot) return Solver::Shooting;
+  if (b.options.solver != Solver::Auto) return b.options.solver;
+  return b.patches.patches.size() <= (b.meanReflectance > kNearlyWhite ? kDenseNearlyWhite : kDenseByItself) ? Solver::Dense
+                                                                                                             : Solver::Stored;
+}
+
+void solveDensely(Bake& b) {
+  const FormFactors f = computeFormFactors(b.scene, *b.tracer, b.patches, b.run);
+  b.closureError = f.closureError;
+  b.solutions[0] = solveDense(b.patches, f, b.patchLight, {});
+  b.solutions[1] = b.solutions[0];
+  b.summary = fmt::format("dense, {} iterations, closure was off by {:.2g}", b.solutions[0].passes, b.closureError);
+}
+
+void solveByStoredRays(Bake& b) {
+  const double n = double(b.patches.patches.size());
+  StoredOptions options;
+  // The field's error goes with 1/sqrt(all rays); patches go with 1/goal, and so rays a patch do, too.
+  options.rays = std::uint32_t(std::ceil(std::max(kStoredRays * 0.02 / b.options.goal, kLeastStoredRays / n)));
+  options.maxTail = maxTailOf(b.options);
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    Run part = b.run;
+    part.onProgress = [&](double share) {
+      b.run.progress(0.5 * (half + share));
+      return true;
+    };
+    options.stream = half;
+    StoredSolution s = solveStored(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    b.closureError = s.closureError;
+    b.storedBytes += s.bytes;
+    b.solutions[half] = std::move(s.solution);
+  }
+  b.summary = fmt::format("stored rays, 2 x {} a patch, {} iterations, tail at most {:.2g}", options.rays, b.solutions[0].passes, b.tail());
+}
+
+void solveByLinks(Bake& b) {
+  HierarchicalOptions options;
+  options.goal = b.options.goal;
+  options.maxTail = maxTailOf(b.options);
+  options.maxLinks = b.options.maxLinks;
+  options.partition = b.options.partition;
+  HierarchicalSolution s = solveHierarchical(b.scene, *b.tracer, b.patches, b.patchLight, options, b.run);
+  b.links = s.stats;
+  b.linkError = s.linkError;
+  b.closureError = s.closureError;
+  b.coarseSolution = std::move(s.coarse);
+  b.solutions[0] = b.solutions[1] = std::move(s.fine);
+  if (b.links.linksFull)
+    b.run.note({{},
+                b.scene.file.string(),
+                "",
+                fmt::format("--max-links {} kept the threshold of links up: they predict an error of {:.2g} %", b.options.maxLinks,
+                            100.0 * b.links.predictedError),
+                "LMC_LINKS_FULL"});
+  b.summary = fmt::format("{} links in {} rounds, {} iterations, they change {:.2g} %", b.links.links, b.links.rounds,
+                          b.solutions[0].passes, 100.0 * b.linkError);
+}
+
+void solveByShooting(Bake& b) {
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    ShootOptions options;
+    options.maxTail = maxTailOf(b.options);
+    if (b.options.passes > 0) options.maxPasses = b.options.passes - 1;  // hemisphere rays add the last bounce
+    options.stream = half;
+    if (b.options.snapshot && half == 0)
+      options.onPass = [&](int pass, const Bounced& bounced) {
+        std::vector<Rgb> E(b.map.size(), Rgb(0.0f));
+        parallelFor(Run{b.run.threads, b.run.seed, {}, {}}, b.texels->tileCount(), 1, [&](std::size_t t) {
+          const TexelTile tile = b.texels->texels(t);
+          for (int y = 0; y < tile.height; ++y)
+            for (int x = 0; x < tile.width; ++x) {
+              if (tile.at(x, y).fragmentCount == 0) continue;
+              const SurfacePoint p = TexelSampler(b.scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
+              const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(b.map.width) + std::size_t(tile.x0 + x);
+              const std::uint32_t patch = b.patches.patchAt(p.triangle, p.bary, true);
+              E[i] = b.values.direct[i] + (patch == kNone ? Rgb(0.0f) : b.patchLight.sky[patch] + bounced[patch]);
+            }
+        });
+        float largest = 0.0f, scale = 1.0f;
+        for (const Rgb& e : E) largest = std::max(largest, strength(e));
+        while (largest / scale > 32768.0f) scale *= 2.0f;
+        for (Rgb& e : E) e /= scale;
+        OutputSet set(b.options.out / "passes");
+        writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height,
+                 {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale}});
+        set.commit();
+      };
+    Run part = b.run;
+    part.onProgress = [&](double share) {
+      b.run.progress(0.5 * (half + share));
+      return true;
+    };
+    b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+  }
+  b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
+}
+
+}  // namespace
+
 void solve(Bake& b) {
   if (b.patches.patches.empty()) return;
   const std::size_t n = b.patches.patches.size();
@@ -186,52 +294,21 @@ void solve(Bake& b) {
     throw Error(Exit::Limit, b.scene.file, "",
                 fmt::format("--solver dense takes at most {} patches, the level has {}: raise --patch-size", kMaxDensePatches, n),
                 "LMC_DENSE");
-  b.solvedDense = b.options.passes == 0 && !b.options.snapshot &&
-                  (b.options.solver == Solver::Dense ||
-                   (b.options.solver == Solver::Auto && n <= (b.meanReflectance > kNearlyWhite ? kDenseNearlyWhite : kDenseByItself)));
-  if (b.solvedDense) {
-    const FormFactors f = computeFormFactors(b.scene, *b.tracer, b.patches, b.run);
-    b.closureError = f.closureError;
-    b.solutions[0] = solveDense(b.patches, f, b.patchLight, {});
-    b.solutions[1] = b.solutions[0];
-    b.summary = fmt::format("dense, {} iterations, closure was off by {:.2g}", b.solutions[0].passes, b.closureError);
-  } else {
-    for (std::uint32_t half = 0; half < 2; ++half) {
-      ShootOptions options;
-      options.maxTail = b.options.bounceTail > 0.0 ? b.options.bounceTail : kTailShare * b.options.goal;
-      if (b.options.passes > 0) options.maxPasses = b.options.passes - 1;  // hemisphere rays add the last bounce
-      options.stream = half;
-      if (b.options.snapshot && half == 0)
-        options.onPass = [&](int pass, const Bounced& bounced) {
-          std::vector<Rgb> E(b.map.size(), Rgb(0.0f));
-          parallelFor(Run{b.run.threads, b.run.seed, {}, {}}, b.texels->tileCount(), 1, [&](std::size_t t) {
-            const TexelTile tile = b.texels->texels(t);
-            for (int y = 0; y < tile.height; ++y)
-              for (int x = 0; x < tile.width; ++x) {
-                if (tile.at(x, y).fragmentCount == 0) continue;
-                const SurfacePoint p = TexelSampler(b.scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
-                const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(b.map.width) + std::size_t(tile.x0 + x);
-                const std::uint32_t patch = b.patches.patchAt(p.triangle, p.bary, true);
-                E[i] = b.values.direct[i] + (patch == kNone ? Rgb(0.0f) : b.patchLight.sky[patch] + bounced[patch]);
-              }
-          });
-          float largest = 0.0f, scale = 1.0f;
-          for (const Rgb& e : E) largest = std::max(largest, strength(e));
-          while (largest / scale > 32768.0f) scale *= 2.0f;
-          for (Rgb& e : E) e /= scale;
-          OutputSet set(b.options.out / "passes");
-          writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height,
-                   {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale}});
-          set.commit();
-        };
-      Run part = b.run;
-      part.onProgress = [&](double share) {
-        b.run.progress(0.5 * (half + share));
-        return true;
-      };
-      b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
-    }
-    b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
+  b.solver = solverFor(b);
+  switch (b.solver) {
+    case Solver::Dense:
+      solveDensely(b);
+      break;
+    case Solver::Hierarchical:
+      solveByLinks(b);
+      break;
+    case Solver::Shooting:
+      solveByShooting(b);
+      break;
+    case Solver::Auto:
+    case Solver::Stored:
+      solveByStoredRays(b);
+      break;
   }
   for (const Solution& s : b.solutions) {
     const double off = s.energy.imbalance();
@@ -243,7 +320,8 @@ void solve(Bake& b) {
   }
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
   b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.texels.get(), b.patchLight,
-                                    std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance}, b.run);
+                                    std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance},
+                                    b.coarseSolution.empty() ? nullptr : &b.coarseSolution, b.run);
 }
 
 void hemisphere(Bake& b) {

@@ -5,6 +5,8 @@
 
 #include "libradiosity/light_map.h"
 #include "libradiosity/solve.h"
+#include "libradiosity/solve_links.h"
+#include "libradiosity/solve_stored.h"
 #include "lmc/plan.h"
 #include "lmc/progress.h"
 
@@ -30,9 +32,13 @@ struct Bake {
   std::uint32_t clampedPatches = 0;  ///< whose albedo was above what can be solved
   double clampedAway = 0.0;          ///< share of the bounced light that the clamp may take
   PatchLight patchLight;
-  std::array<Solution, 2> solutions;  // solve; the dense solver fills both alike
-  bool solvedDense = false;
-  double closureError = -1.0;  ///< of the form factors before scaling; -1 = none computed
+  std::array<Solution, 2> solutions;  // solve; dense and hierarchical fill both alike
+  Solver solver = Solver::Shooting;   ///< the one that was taken
+  LinkStats links;                    ///< hierarchical only
+  double linkError = 0.0;
+  Bounced coarseSolution;         ///< hierarchical: by the links of the round before
+  std::uint64_t storedBytes = 0;  ///< stored only: hits, both streams
+  double closureError = -1.0;     ///< of the form factors before scaling; -1 = none computed
   std::unique_ptr<Field> field;
   LightMapValues values;  // finish
   ErrorLedger ledger;

@@ -61,7 +61,7 @@ inline Baked bakeScene(const Scene& scene, const BakeSceneOptions& o = {}) {
       out.solution =
           o.dense ? solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {}) : shoot(scene, tracer, mesh, light, {}, run);
       field = std::make_unique<Field>(scene, mesh, seen, &texels, light,
-                                      std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, run);
+                                      std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, nullptr, run);
     }
     if (field || strength(scene.sky) > 0.0f)
       bakeHemisphere(out.map, scene, texels, tracer, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal, o.interpolate}, run);
