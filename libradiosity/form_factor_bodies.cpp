@@ -28,20 +28,32 @@ double elementToRoundDisc(const glm::dvec3& position, const glm::dvec3& normal, 
   const auto elevation = [&](double psi) {
     return cut ? 2.0 * slope * R * std::sin(0.5 * (psi + first)) * std::sin(0.5 * (psi - first)) : e0 - slope * R * std::cos(psi);
   };
-  const auto chord = [&](double psi) {
-    const double half = R * std::sin(psi), rho2 = height * height + std::pow(-R * std::cos(psi) - footS, 2);
-    const auto distance2 = [&](double t) { return rho2 + (t - footT) * (t - footT); };
+  // Angles count from the chord under the element, places along a chord from the point under it: differences to them stay exact, however
+  // near the element is.
+  const double under = std::acos(std::clamp(-footS / R, -1.0, 1.0)), beside = std::max(0.0, std::abs(footS) - R);
+  const auto across = [&](double delta) {
+    const double within = 2.0 * R * std::sin(under + 0.5 * delta) * std::sin(0.5 * delta);  // s less that of the chord under the element
+    return std::abs(within) + beside;
+  };
+  const auto chord = [&](double delta) {
+    const double half = R * std::sin(under + delta), rho2 = height * height + std::pow(across(delta), 2);
     return integrateGraded(
-        -half, half, [&](double t) { return 1.0 / (distance2(t) * distance2(t)); }, [&](double t) { return std::sqrt(distance2(t)); });
+        -half - footT, half - footT, [&](double t) { return 1.0 / ((rho2 + t * t) * (rho2 + t * t)); },
+        [&](double t) { return std::sqrt(rho2 + t * t); });
   };
-  const auto toChord = [&](double psi) {
-    const double beyond = std::max(0.0, std::abs(footT) - R * std::sin(psi));
-    const double across = -R * std::cos(psi) - footS;
-    return std::sqrt(height * height + across * across + beyond * beyond) / R;
+  const auto toChord = [&](double delta) {
+    const double beyond = std::max(0.0, std::abs(footT) - R * std::sin(under + delta));
+    return std::min(1.0, std::sqrt(height * height + std::pow(across(delta), 2) + beyond * beyond) / R);
   };
-  const double sum = integrateGraded(
-      first, kPi, [&](double psi) { return std::max(0.0, elevation(psi)) * chord(psi) * R * std::sin(psi); },
-      [&](double psi) { return std::min(1.0, toChord(psi)); });
+  const auto rings = [&](double from, double to) {
+    return to > from
+               ? integrateGraded(
+                     from, to,
+                     [&](double delta) { return std::max(0.0, elevation(under + delta)) * chord(delta) * R * std::sin(under + delta); },
+                     toChord)
+               : 0.0;
+  };
+  const double sum = rings(first - under, std::min(0.0, kPi - under)) + rings(std::max(0.0, first - under), kPi - under);
   return std::clamp(sum * height / kPi, 0.0, 1.0);
 }
 

@@ -182,13 +182,20 @@ Exit verify(const VerifyOptions& options) {
   // All files are read before the first case runs: a name mistyped at the end is not found after minutes.
   std::vector<nlohmann::json> documents;
   for (const std::filesystem::path& file : options.files) documents.push_back(readCases(file));
+  // A whole id means that case alone, though other ids may begin with it.
+  bool exact = false;
+  for (std::size_t f = 0; f < documents.size(); ++f) {
+    const Parameters list = Parameters(documents[f], options.files[f].string(), "")["cases"];
+    for (std::size_t i = 0; i < list.size(); ++i) exact |= list.at(i)["id"].text() == options.only;
+  }
+  const auto wanted = [&](const std::string& id) { return exact ? id == options.only : id.starts_with(options.only); };
   Json cases = Json::array();
   std::size_t passed = 0, failed = 0, leftOut = 0;
   for (std::size_t f = 0; f < documents.size(); ++f) {
     const Parameters list = Parameters(documents[f], options.files[f].string(), "")["cases"];
     for (std::size_t i = 0; i < list.size(); ++i) {
       const Parameters c = list.at(i);
-      if (!options.only.empty() && !c["id"].text().starts_with(options.only)) continue;
+      if (!wanted(c["id"].text())) continue;
       Result r;
       withThreads(Run{options.threads, options.seed, {}, {}}, [&] { r = runCase(c, context); });
       ++(r.result == "pass" ? passed : r.result == "fail" ? failed : leftOut);
