@@ -141,7 +141,7 @@ std::optional<V> placeIn(const std::string& name) {
   const std::size_t open = name.find('('), close = name.find(')');
   if (!name.starts_with("F_light at ") || open == std::string::npos || close == std::string::npos || close < open) return std::nullopt;
   if (name.find("without blocks") == std::string::npos) return std::nullopt;
-  const nlohmann::json list = nlohmann::json::parse("[" + name.substr(open + 1, close - open - 1) + "]", nullptr, false);
+  const nlohmann::json list = nlohmann::json::parse(fmt::format("[{}]", name.substr(open + 1, close - open - 1)), nullptr, false);
   if (!list.is_array() || list.size() != 3) return std::nullopt;
   return Parameters(list, "", "").vec3();
 }
