@@ -9,7 +9,8 @@ namespace {
 
 constexpr std::size_t kLeastSeeds = 6, kMostSeeds = 12;
 constexpr std::size_t kMostPatches = 1000;  // of a dense solution
-constexpr double kFloat = 1.2e-7;           // a rounding of albedo or emission as float
+constexpr double kFloat = 6e-8;             // half an ulp
+constexpr double kRoundings = 16;  // between an emission and a texel: corners, radiance, factors, two halves of the map and their mean
 
 double meanOf(const std::vector<Baked>& bakes, std::size_t count, const std::function<double(const Baked&)>& of, double* variance) {
   double mean = 0.0, squares = 0.0;
@@ -54,7 +55,7 @@ Got Bakes::value(double standardError, const std::function<double(const Baked&)>
     // Patches and texels of half the size leave a third of the difference (their error is of second order), in corners more: half.
     const double noise = fewSamples(int(seeds)) * std::sqrt(varianceFine), refinement = 0.5 * std::abs(got.value - coarse);
     got.standardError = std::hypot(noise, refinement);
-    got.rounding = kFloat * conditioning_ * std::abs(got.value);
+    got.rounding = kFloat * (kRoundings + conditioning_) * std::abs(got.value);
     if (got.standardError <= standardError || got.value == 0.0) return got;
     const bool mayRefine = levels_[fine].front().patches * 4 <= kMostPatches, maySeed = seeds < kMostSeeds;
     if (mayRefine && (refinement > noise || !maySeed))
