@@ -1,12 +1,60 @@
 #include "libradiosity/form_factor.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
+#include "libradiosity/quadrature.h"
 #include "libscene/constants.h"
 
 namespace lmc {
+
+namespace {
+
+// Lambert's sum and contour integrals are differences: digits go in proportion to distance over size, twice for oblique places. From here
+// on the kernel itself is summed, with rules whose error falls by 32 (16 + sqrt(255)) with each half node and direction.
+constexpr double kFarElement = 16.0, kFarPolygons = 8.0;
+
+/// Calls f(place, weight) for the 5 x 5 (or N x N) places of a product rule on each triangle of the fan; weights add up to the area. A
+/// concave polygon's fan has triangles of negative area.
+template <std::size_t N, class F>
+void overPolygon(std::span<const glm::dvec3> p, const glm::dvec3& unitNormal, const F& f) {
+  const auto& rule = gaussLegendre<double, N>();
+  for (std::size_t i = 2; i < p.size(); ++i) {
+    const glm::dvec3 u = p[i - 1] - p[0], v = p[i] - p[0];
+    const double area2 = glm::dot(glm::cross(u, v), unitNormal);
+    for (std::size_t a = 0; a < N; ++a)
+      for (std::size_t b = 0; b < N; ++b) {
+        const double s = rule.node[a], t = rule.node[b];
+        f(p[0] + s * ((1.0 - t) * u + t * v), area2 * s * rule.weight[a] * rule.weight[b]);
+      }
+  }
+}
+
+struct Ball {
+  glm::dvec3 centre;
+  double radius;
+};
+
+Ball ballOf(std::span<const glm::dvec3> p) {
+  Ball b{glm::dvec3(0.0), 0.0};
+  for (const glm::dvec3& c : p) b.centre += (c - p[0]) / double(p.size());
+  b.centre += p[0];
+  for (const glm::dvec3& c : p) b.radius = std::max(b.radius, glm::distance(c, b.centre));
+  return b;
+}
+
+double farElementToPolygon(const glm::dvec3& position, const glm::dvec3& normal, std::span<const glm::dvec3> p, const glm::dvec3& facing) {
+  const double height = glm::dot(position - p[0], facing);
+  double sum = 0.0;
+  overPolygon<5>(p, facing, [&](const glm::dvec3& x, double weight) {
+    const glm::dvec3 r = x - position;
+    const double r2 = glm::dot(r, r);
+    sum += weight * std::max(0.0, glm::dot(r, normal)) / r2 * (height / r2);
+  });
+  return std::clamp(sum / kPi, 0.0, 1.0);
+}
+
+}  // namespace
 
 glm::dvec3 polygonNormal(std::span<const glm::dvec3> p) {
   glm::dvec3 n(0.0);
@@ -42,6 +90,9 @@ double elementToPolygon(const glm::dvec3& position, const glm::dvec3& normal, st
     p = polygon;
   }
   if (p.size() < 3) return 0.0;
+  const Ball ball = ballOf(p);
+  if (glm::distance(position, ball.centre) > kFarElement * ball.radius)
+    return farElementToPolygon(position, normal, p, glm::normalize(facing));
   double sum = 0.0;
   glm::dvec3 a = p[p.size() - 1] - position;
   for (const glm::dvec3& corner : p) {
@@ -66,89 +117,153 @@ double elementToDisc(const glm::dvec3& position, const glm::dvec3& normal, const
 
 namespace {
 
-// Gauss-Legendre, 10 points on [-1, 1], positive half.
-constexpr std::array<double, 5> kNode{0.14887433898163121088, 0.43339539412924719080, 0.67940956829902440623, 0.86506336668898451073,
-                                      0.97390652851717172008};
-constexpr std::array<double, 5> kWeight{0.29552422471475287017, 0.26926671930999635509, 0.21908636251598204400, 0.14945134915058059315,
-                                        0.06667134430868813759};
+template <class Real>
+using Vec3 = glm::vec<3, Real, glm::defaultp>;
 
 /// int over the edge a + t (b - a), t in [0, 1], of ln |p - x| dt, times |b - a|; the antiderivative of ln sqrt(s^2 + h^2) is
 /// s ln sqrt(s^2 + h^2) - s + h atan(s/h).
-double logIntegral(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& direction, double length) {
-  const glm::dvec3 r = p - a;
-  const double s0 = glm::dot(r, direction);
-  const double h = glm::length(r - s0 * direction);
-  const auto antiderivative = [h](double s) {
-    const double r2 = s * s + h * h;
-    const double logPart = r2 > 0.0 ? 0.5 * s * std::log(r2) : 0.0;
-    return logPart - s + (h > 0.0 ? h * std::atan2(s, h) : 0.0);
+template <class Real>
+Real logIntegral(const Vec3<Real>& p, const Vec3<Real>& a, const Vec3<Real>& direction, Real length) {
+  const Vec3<Real> r = p - a;
+  const Real s0 = glm::dot(r, direction);
+  const Real h = glm::length(r - s0 * direction);
+  const auto antiderivative = [h](Real s) {
+    const Real r2 = s * s + h * h;
+    const Real logPart = r2 > 0 ? s * std::log(r2) / 2 : Real(0);
+    return logPart - s + (h > 0 ? h * std::atan2(s, h) : Real(0));
   };
   return antiderivative(s0) - antiderivative(s0 - length);
 }
 
+template <class Real>
+struct Edge {
+  Vec3<Real> from, direction;
+  Real length;
+};
+
 /// The integrand along the outer edge is smooth but where the inner edge is near: there panels halve until they are as long as the gap.
-double outerIntegral(const glm::dvec3& a, const glm::dvec3& dir, double from, double to, const glm::dvec3& c, const glm::dvec3& innerDir,
-                     double innerLength, int depth) {
-  const double half = 0.5 * (to - from), mid = 0.5 * (to + from);
-  const glm::dvec3 m = a + mid * dir;
-  const double along = std::clamp(glm::dot(m - c, innerDir), 0.0, innerLength);
-  const double gap = glm::length(m - (c + along * innerDir));
-  if (depth > 0 && gap < 2.0 * half) {
-    return outerIntegral(a, dir, from, mid, c, innerDir, innerLength, depth - 1) +
-           outerIntegral(a, dir, mid, to, c, innerDir, innerLength, depth - 1);
+template <class Real>
+Real outerIntegral(const Edge<Real>& outer, Real begin, Real end, const Edge<Real>& inner, int depth) {
+  const Real mid = (begin + end) / 2;
+  const Vec3<Real> m = outer.from + mid * outer.direction;
+  const Real along = std::clamp(glm::dot(m - inner.from, inner.direction), Real(0), inner.length);
+  const Real gap = glm::length(m - (inner.from + along * inner.direction));
+  if (depth > 0 && gap < end - begin)
+    return outerIntegral(outer, begin, mid, inner, depth - 1) + outerIntegral(outer, mid, end, inner, depth - 1);
+  const auto& rule = gaussLegendre<Real, 16>();
+  Real sum = 0;
+  for (std::size_t k = 0; k < 16; ++k)
+    sum += rule.weight[k] * logIntegral(Vec3<Real>(outer.from + (begin + (end - begin) * rule.node[k]) * outer.direction), inner.from,
+                                        inner.direction, inner.length);
+  return (end - begin) * sum;
+}
+
+/// int int ln r over two edges of parallel lines at distance h, [0, length] and [b0, b1] along the first: closed form, for with a small gap
+/// panels would halve along the whole edge. G'' = ln sqrt(x^2 + h^2): G = (x^2 - h^2)/4 ln(x^2 + h^2) - 3/4 x^2 + h x atan(x/h).
+template <class Real>
+Real parallelIntegral(Real length, Real b0, Real b1, Real h) {
+  const auto g = [h](Real x) {
+    const Real r2 = x * x + h * h;
+    if (!(r2 > 0)) return Real(0);
+    return (x * x - h * h) / 4 * std::log(r2) - 3 * x * x / 4 + (h > 0 ? h * x * std::atan2(x, h) : Real(0));
+  };
+  return g(length - b0) - g(length - b1) - g(-b0) + g(-b1);
+}
+
+template <class Real>
+std::vector<Edge<Real>> edgesOf(std::span<const glm::dvec3> p, const glm::dvec3& origin, Real scale) {
+  std::vector<Edge<Real>> edges;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    const Vec3<Real> a = (Vec3<Real>(p[i]) - Vec3<Real>(origin)) / scale,
+                     b = (Vec3<Real>(p[(i + 1) % p.size()]) - Vec3<Real>(origin)) / scale;
+    const Real length = glm::length(b - a);
+    if (length > 0) edges.push_back({a, (b - a) / length, length});
   }
+  return edges;
+}
+
+/// 1/(2 pi) sum over pairs of edges; in units of `scale`, so that logarithms stay small.
+template <class Real>
+Real contourIntegral(std::span<const glm::dvec3> p, std::span<const glm::dvec3> q, Real scale) {
+  constexpr Real kParallel = Real(1e-14);                   // sine of the angle: rounding of the corners, no more
+  constexpr int kMaxHalvings = sizeof(Real) > 8 ? 32 : 24;  // x ln x over the last panel is below the last digit
+  const auto outer = edgesOf<Real>(p, p[0], scale), inner = edgesOf<Real>(q, p[0], scale);
+  Real sum = 0;
+  for (const Edge<Real>& a : outer)
+    for (const Edge<Real>& b : inner) {
+      const Real cosine = glm::dot(a.direction, b.direction);
+      if (std::abs(cosine) < Real(1e-17)) continue;
+      if (glm::length(glm::cross(a.direction, b.direction)) < kParallel) {
+        const Vec3<Real> w = b.from - a.from;
+        const Real b0 = glm::dot(w, a.direction), b1 = b0 + cosine * b.length;
+        const Real h = glm::length(w - b0 * a.direction);
+        sum += cosine * parallelIntegral(a.length, std::min(b0, b1), std::max(b0, b1), h < Real(1e-18) ? Real(0) : h);
+      } else {
+        sum += cosine * outerIntegral(a, Real(0), a.length, b, kMaxHalvings);
+      }
+    }
+  return sum / Real(2.0L * 3.14159265358979323846264338327950288L);
+}
+
+struct FacingParts {
+  Polygon3 from, to;  // empty when they do not face
+};
+
+/// Each cut at the other's plane.
+FacingParts facingParts(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to) {
+  if (from.size() < 3 || to.size() < 3) return {};
+  constexpr double kInPlane = 1e-14;  // of the distance: what lies in the other's plane but for rounding sees nothing of it
+  const glm::dvec3 n1 = polygonNormal(from), n2 = polygonNormal(to);
+  const auto anyInFront = [](std::span<const glm::dvec3> p, const glm::dvec3& origin, const glm::dvec3& n) {
+    for (const glm::dvec3& c : p)
+      if (glm::dot(c - origin, n) > kInPlane * glm::length(n) * glm::length(c - origin)) return true;
+    return false;
+  };
+  if (!anyInFront(from, to[0], n2) || !anyInFront(to, from[0], n1)) return {};
+  FacingParts parts{clippedToFront(from, to[0], n2), clippedToFront(to, from[0], n1)};
+  if (parts.from.size() < 3 || parts.to.size() < 3) return {};
+  return parts;
+}
+
+/// Sum of the kernel for polygons far apart.
+double farExchange(std::span<const glm::dvec3> p, std::span<const glm::dvec3> q) {
+  const glm::dvec3 np = glm::normalize(polygonNormal(p)), nq = glm::normalize(polygonNormal(q));
   double sum = 0.0;
-  for (std::size_t k = 0; k < kNode.size(); ++k)
-    sum += kWeight[k] * (logIntegral(a + (mid - half * kNode[k]) * dir, c, innerDir, innerLength) +
-                         logIntegral(a + (mid + half * kNode[k]) * dir, c, innerDir, innerLength));
-  return half * sum;
+  overPolygon<6>(p, np, [&](const glm::dvec3& x, double wx) {
+    const double height = std::max(0.0, glm::dot(x - q[0], nq));
+    double inner = 0.0;
+    overPolygon<6>(q, nq, [&](const glm::dvec3& y, double wy) {
+      const glm::dvec3 r = y - x;
+      const double r2 = glm::dot(r, r);
+      inner += wy * std::max(0.0, glm::dot(r, np)) / r2 * (height / r2);
+    });
+    sum += wx * inner;
+  });
+  return sum / kPi;
 }
-
-/// int int ln r over two segments of one line, one of them reversed or not: closed form, for there panels would halve along the whole edge.
-double sameLineIntegral(double a0, double a1, double b0, double b1) {
-  // G'' = ln |x|: G(x) = x^2/2 ln|x| - 3/4 x^2.
-  const auto g = [](double x) { return x == 0.0 ? 0.0 : x * x * (0.5 * std::log(std::abs(x)) - 0.75); };
-  return g(a1 - b0) - g(a1 - b1) - g(a0 - b0) + g(a0 - b1);
-}
-
-constexpr int kMaxHalvings = 24;
 
 }  // namespace
 
 double exchangeArea_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to) {
-  if (from.size() < 3 || to.size() < 3) return 0.0;
-  const Polygon3 p = clippedToFront(from, to[0], polygonNormal(to));
-  const Polygon3 q = clippedToFront(to, from[0], polygonNormal(from));
-  if (p.size() < 3 || q.size() < 3) return 0.0;
-  double sum = 0.0;
-  for (std::size_t i = 0; i < p.size(); ++i) {
-    const glm::dvec3 a = p[i];
-    const glm::dvec3 e1 = p[(i + 1) % p.size()] - a;
-    const double l1 = glm::length(e1);
-    if (!(l1 > 0.0)) continue;
-    const glm::dvec3 d1 = e1 / l1;
-    for (std::size_t k = 0; k < q.size(); ++k) {
-      const glm::dvec3 c = q[k];
-      const glm::dvec3 e2 = q[(k + 1) % q.size()] - c;
-      const double l2 = glm::length(e2);
-      if (!(l2 > 0.0)) continue;
-      const glm::dvec3 d2 = e2 / l2;
-      const double cosine = glm::dot(d1, d2);
-      if (std::abs(cosine) < 1e-15) continue;
-      const double scale = std::max(l1, l2);
-      const glm::dvec3 w = c - a;
-      const double offLine = std::max(glm::length(w - glm::dot(w, d1) * d1), glm::length(w + e2 - glm::dot(w + e2, d1) * d1));
-      double integral = 0.0;
-      if (offLine < 1e-13 * scale) {
-        const double b0 = glm::dot(w, d1), b1 = glm::dot(w + e2, d1);
-        integral = sameLineIntegral(0.0, l1, std::min(b0, b1), std::max(b0, b1));
-      } else {
-        integral = outerIntegral(a, d1, 0.0, l1, c, d2, l2, kMaxHalvings);
-      }
-      sum += cosine * integral;
-    }
-  }
-  return std::max(0.0, sum / (2.0 * kPi));
+  const FacingParts parts = facingParts(from, to);
+  if (parts.from.empty()) return 0.0;
+  const Ball a = ballOf(parts.from), b = ballOf(parts.to);
+  if (glm::distance(a.centre, b.centre) > kFarPolygons * (a.radius + b.radius)) return farExchange(parts.from, parts.to);
+  // What is small against the edges (slivers, grazing places) is a small difference of large integrals: there extended precision.
+  constexpr double kSmallDifference = 1e-3;
+  const double scale = std::max(a.radius, b.radius);
+  const double result = contourIntegral<double>(parts.from, parts.to, scale);
+  if (result > kSmallDifference) return result * scale * scale;
+  return double(std::max(0.0L, contourIntegral<long double>(parts.from, parts.to, (long double)(scale)))) * scale * scale;
+}
+
+long double exchangeAreaExtended_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to) {
+  const FacingParts parts = facingParts(from, to);
+  if (parts.from.empty()) return 0.0L;
+  const Ball a = ballOf(parts.from), b = ballOf(parts.to);
+  if (glm::distance(a.centre, b.centre) > kFarPolygons * (a.radius + b.radius)) return farExchange(parts.from, parts.to);
+  const long double scale = std::max(a.radius, b.radius);
+  return std::max(0.0L, contourIntegral<long double>(parts.from, parts.to, scale)) * scale * scale;
 }
 
 }  // namespace lmc

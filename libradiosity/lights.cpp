@@ -18,6 +18,29 @@ double spotCone(double cosAngle, double cosInner, double cosOuter) {
   return s * s;
 }
 
+namespace {
+
+constexpr double kLeastConeWidth = 0.001;  // of the cosines, KHR_lights_punctual
+
+double cosineDifference(double small_rad, double large_rad) {
+  return 2.0 * std::sin(0.5 * (large_rad + small_rad)) * std::sin(0.5 * (large_rad - small_rad));
+}
+
+}  // namespace
+
+double spotConeByAngle(double angle_rad, double inner_rad, double outer_rad) {
+  const double width = std::max(kLeastConeWidth, cosineDifference(inner_rad, outer_rad));
+  const double s = std::clamp(cosineDifference(angle_rad, outer_rad) / width, 0.0, 1.0);
+  return s * s;
+}
+
+double spotFlux_lm(double inner_rad, double outer_rad) {
+  // 2 pi int s^2 dcos, s = min(1, x/width), x = cos - cos outer from 0 to 1 - cos outer.
+  const double width = std::max(kLeastConeWidth, cosineDifference(inner_rad, outer_rad));
+  const double all = cosineDifference(0.0, outer_rad), ramp = std::min(all, width);
+  return 2.0 * kPi * (ramp * ramp * ramp / (3.0 * width * width) + (all - ramp));
+}
+
 double attenuation(const ClassicAttenuation& a, double d) {
   const double denominator = a.constant + a.linear * d + a.quadratic * d * d;
   if (!(denominator > 0.0)) return 0.0;

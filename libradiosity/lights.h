@@ -8,6 +8,10 @@ namespace lmc {
 double rangeWindow(double distance_m, double range_m);
 /// Cone of KHR_lights_punctual: saturate((cos - cosOuter)/max(0.001, cosInner - cosOuter))^2.
 double spotCone(double cosAngle, double cosInner, double cosOuter);
+/// The same by the angles: keeps its digits in cones so narrow that the cosines of their angles hardly differ.
+double spotConeByAngle(double angle_rad, double inner_rad, double outer_rad);
+/// Light that a spot of 1 cd sends out, int of the cone over all directions [lm].
+double spotFlux_lm(double inner_rad, double outer_rad);
 /// 1/(c + l d + q d^2) * saturate(1 - (d/range)^power); finite for every input: a zero denominator gives 0 light, range 0 no window.
 double attenuation(const ClassicAttenuation&, double distance_m);
 

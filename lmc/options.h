@@ -57,11 +57,19 @@ struct ShadeOptions {
   int threads = 0;
 };
 
+struct VerifyOptions {
+  std::vector<std::filesystem::path> files;
+  std::string only;  ///< cases whose id begins with it; empty = all
+  bool json = false;
+  std::uint64_t seed = 1;
+  int threads = 0;
+};
+
 struct ShowText {
   std::string text;  ///< help or version, for stdout
 };
 
-using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, ShowText>;
+using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc

@@ -1,87 +1,10 @@
 #pragma once
-/// Small levels made in code, with the light maps' UVs laid out beside them.
-#include <cmath>
-#include <string>
-
-#include "libscene/scene.h"
+/// Small levels made in code.
+#include "libscene/scene_builder.h"
 
 namespace lmc::test {
 
-/// Quads become objects; each gets a square cell of the light map with a margin of a tenth.
-class SceneBuilder {
- public:
-  explicit SceneBuilder(int cellsPerSide = 4) : cells_(cellsPerSide) { scene.file = "test.glb"; }
-
-  std::uint32_t material(Rgb reflectance, Rgb emission = Rgb(0.0f)) {
-    Material m;
-    m.baseColor = glm::vec4(reflectance, 1.0f);
-    m.metallic = 0.0f;
-    m.emission = emission;
-    scene.materials.push_back(m);
-    return std::uint32_t(scene.materials.size() - 1);
-  }
-
-  /// Corners origin, origin + u, origin + u + v, origin + v; the front is where cross(u, v) points to. Cut into `cuts` x `cuts` squares.
-  std::uint32_t quad(glm::vec3 origin, glm::vec3 u, glm::vec3 v, std::uint32_t material, int cuts = 1) {
-    const auto object = std::uint32_t(scene.objects.size());
-    Object o;
-    o.name = "quad" + std::to_string(object);
-    o.path = "/" + o.name;
-    o.node = object;
-    o.mesh = object;
-    o.firstTriangle = std::uint32_t(scene.triangles.size());
-    o.material = material;
-    o.hasUv1 = true;
-    const glm::vec3 n = glm::normalize(glm::cross(u, v));
-    const float cell = 1.0f / float(cells_), margin = 0.1f * cell;
-    const glm::vec2 corner(float(int(object) % cells_) * cell + margin, float(int(object) / cells_) * cell + margin);
-    const auto first = std::uint32_t(scene.positions_m.size());
-    for (int y = 0; y <= cuts; ++y)
-      for (int x = 0; x <= cuts; ++x) {
-        const float a = float(x) / float(cuts), b = float(y) / float(cuts);
-        scene.positions_m.push_back(origin + a * u + b * v);
-        scene.normals.push_back(n);
-        scene.uv0.emplace_back(a, b);
-        scene.uv1.push_back(corner + (cell - 2.0f * margin) * glm::vec2(a, b));
-      }
-    const auto at = [&](int x, int y) { return first + std::uint32_t(y * (cuts + 1) + x); };
-    for (int y = 0; y < cuts; ++y)
-      for (int x = 0; x < cuts; ++x) {
-        scene.triangles.emplace_back(at(x, y), at(x + 1, y), at(x + 1, y + 1));
-        scene.triangles.emplace_back(at(x, y), at(x + 1, y + 1), at(x, y + 1));
-        scene.triangleObject.insert(scene.triangleObject.end(), 2, object);
-      }
-    o.triangleCount = std::uint32_t(scene.triangles.size()) - o.firstTriangle;
-    scene.objects.push_back(o);
-    for (std::uint32_t i = first; i < scene.positions_m.size(); ++i)
-      for (int k = 0; k < 3; ++k) scene.extent_m = std::max(scene.extent_m, std::abs(scene.positions_m[i][k]));
-    return object;
-  }
-
-  /// The six faces of a box, fronts inwards; materials in the order -x +x -y +y -z +z.
-  void room(glm::vec3 lo, glm::vec3 hi, const std::array<std::uint32_t, 6>& m, int cuts = 1) {
-    const glm::vec3 d = hi - lo;
-    const glm::vec3 X(d.x, 0, 0), Y(0, d.y, 0), Z(0, 0, d.z);
-    quad(lo, Y, Z, m[0], cuts);
-    quad(lo + X, Z, Y, m[1], cuts);
-    quad(lo, Z, X, m[2], cuts);
-    quad(lo + Y, X, Z, m[3], cuts);
-    quad(lo, X, Y, m[4], cuts);
-    quad(lo + Z, Y, X, m[5], cuts);
-  }
-
-  Scene scene;
-
- private:
-  int cells_;
-};
-
-/// Every face emits `radiance` and reflects `reflectance`: E = pi radiance/(1 - rho) everywhere.
-inline Scene furnace(float reflectance, float radiance, glm::vec3 size = glm::vec3(3.0f, 2.0f, 4.0f), glm::vec3 at = glm::vec3(0.0f)) {
-  SceneBuilder b;
-  const std::uint32_t m = b.material(Rgb(reflectance), Rgb(radiance));
-  b.room(at, at + size, {m, m, m, m, m, m});
-  return b.scene;
-}
+using lmc::furnace;
+using lmc::SceneBuilder;
 
 }  // namespace lmc::test
