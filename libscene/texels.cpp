@@ -12,6 +12,7 @@ namespace lmc {
 namespace {
 
 constexpr double kMinFragment_texel2 = 1e-9;  // slivers of rounding along shared edges
+constexpr double kMinCovered = 1e-5;          // of a texel's square: less is rounding at a chart's edge, in the plane of the next wall
 constexpr double kWholeSquare = 1.0 - 1e-6;
 
 /// A triangle in texel coordinates of its map, counter-clockwise whatever the chart's mirroring.
@@ -236,6 +237,7 @@ TexelTile TexelMap::texels(std::size_t tileIndex) const {
         bestEnd = i;
       }
     }
+    if (bestArea < kMinCovered) continue;
     Texel& texel = tile.texels[at];
     texel.chart = found[bestBegin].chart;
     texel.coverage = float(std::min(1.0, bestArea));

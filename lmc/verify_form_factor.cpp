@@ -186,7 +186,7 @@ Evaluate cornell(const Parameters& g, const VerifyContext& context) {
     p.normal = p.geometricNormal = glm::normalize(polygonNormal(on->corners));
     const DirectLight direct(scene->scene, *scene->tracer, true);
     const std::vector<SurfacePoint> same(256, p);
-    const double e = direct.sample(same, {}, sequence(seed, Draw::Direct, 0, 0, 0, 0, 0)).illuminance.x;
+    const double e = direct.sample(same, direct.lightsFor(p.position_m, 0.0), sequence(seed, Draw::Direct, 0, 0, 0, 0, 0)).illuminance.x;
     return Got{e / kPi, Way::Float};
   };
 }

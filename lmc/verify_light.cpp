@@ -166,7 +166,9 @@ class ShadowedLamp {
     p.normal = p.geometricNormal = e.normal;
     const std::vector<SurfacePoint> same(kRays, p);
     Got got = sampleUntil(standardError, kLeastScrambles, kMostScrambles, [&](int k) {
-      return direct_->sample(same, {}, sequence(seed, Draw::Direct, 0, 0, index, 0, std::uint32_t(k))).illuminance.x / kPi;
+      return direct_->sample(same, direct_->lightsFor(p.position_m, 0.0), sequence(seed, Draw::Direct, 0, 0, index, 0, std::uint32_t(k)))
+                 .illuminance.x /
+             kPi;
     });
     got.rounding = kFloatStorage * got.value;
     return got;
