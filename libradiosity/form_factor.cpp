@@ -142,20 +142,34 @@ struct Edge {
 };
 
 /// The integrand along the outer edge is smooth but where the inner edge is near: there panels halve until they are as long as the gap.
+/// Near one place that is a few panels a level. Where whole edges run close and almost parallel it would be all of them, level after level:
+/// there the gap hardly changes over a panel, and halving ends at `maxPanels` of a level.
 template <class Real>
-Real outerIntegral(const Edge<Real>& outer, Real begin, Real end, const Edge<Real>& inner, int depth) {
-  const Real mid = (begin + end) / 2;
-  const Vec3<Real> m = outer.from + mid * outer.direction;
-  const Real along = std::clamp(glm::dot(m - inner.from, inner.direction), Real(0), inner.length);
-  const Real gap = glm::length(m - (inner.from + along * inner.direction));
-  if (depth > 0 && gap < end - begin)
-    return outerIntegral(outer, begin, mid, inner, depth - 1) + outerIntegral(outer, mid, end, inner, depth - 1);
+Real outerIntegral(const Edge<Real>& outer, const Edge<Real>& inner, int maxHalvings, std::size_t maxPanels) {
   const auto& rule = gaussLegendre<Real, 16>();
   Real sum = 0;
-  for (std::size_t k = 0; k < 16; ++k)
-    sum += rule.weight[k] * logIntegral(Vec3<Real>(outer.from + (begin + (end - begin) * rule.node[k]) * outer.direction), inner.from,
-                                        inner.direction, inner.length);
-  return (end - begin) * sum;
+  std::vector<std::pair<Real, Real>> level{{Real(0), outer.length}}, next;
+  for (int depth = 0; !level.empty(); ++depth, std::swap(level, next)) {
+    next.clear();
+    const bool mayHalve = depth < maxHalvings && level.size() <= maxPanels;
+    for (const auto& [begin, end] : level) {
+      const Real mid = (begin + end) / 2;
+      const Vec3<Real> m = outer.from + mid * outer.direction;
+      const Real along = std::clamp(glm::dot(m - inner.from, inner.direction), Real(0), inner.length);
+      const Real gap = glm::length(m - (inner.from + along * inner.direction));
+      if (mayHalve && gap < end - begin) {
+        next.emplace_back(begin, mid);
+        next.emplace_back(mid, end);
+        continue;
+      }
+      Real panel = 0;
+      for (std::size_t k = 0; k < 16; ++k)
+        panel += rule.weight[k] * logIntegral(Vec3<Real>(outer.from + (begin + (end - begin) * rule.node[k]) * outer.direction), inner.from,
+                                              inner.direction, inner.length);
+      sum += (end - begin) * panel;
+    }
+  }
+  return sum;
 }
 
 /// int int ln r over two edges of parallel lines at distance h, [0, length] and [b0, b1] along the first: closed form, for with a small gap
@@ -184,7 +198,7 @@ std::vector<Edge<Real>> edgesOf(std::span<const glm::dvec3> p, const glm::dvec3&
 
 /// 1/(2 pi) sum over pairs of edges; in units of `scale`, so that logarithms stay small.
 template <class Real>
-Real contourIntegral(std::span<const glm::dvec3> p, std::span<const glm::dvec3> q, Real scale) {
+Real contourIntegral(std::span<const glm::dvec3> p, std::span<const glm::dvec3> q, Real scale, std::size_t maxPanels) {
   constexpr Real kParallel = Real(1e-14);                   // sine of the angle: rounding of the corners, no more
   constexpr int kMaxHalvings = sizeof(Real) > 8 ? 32 : 24;  // x ln x over the last panel is below the last digit
   const auto outer = edgesOf<Real>(p, p[0], scale), inner = edgesOf<Real>(q, p[0], scale);
@@ -199,7 +213,7 @@ Real contourIntegral(std::span<const glm::dvec3> p, std::span<const glm::dvec3> 
         const Real h = glm::length(w - b0 * a.direction);
         sum += cosine * parallelIntegral(a.length, std::min(b0, b1), std::max(b0, b1), h < Real(1e-18) ? Real(0) : h);
       } else {
-        sum += cosine * outerIntegral(a, Real(0), a.length, b, kMaxHalvings);
+        sum += cosine * outerIntegral(a, b, kMaxHalvings, maxPanels);
       }
     }
   return sum / Real(2.0L * 3.14159265358979323846264338327950288L);
@@ -244,7 +258,7 @@ double farExchange(std::span<const glm::dvec3> p, std::span<const glm::dvec3> q)
 
 }  // namespace
 
-double exchangeArea_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to) {
+double exchangeArea_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to, std::size_t maxPanels) {
   const FacingParts parts = facingParts(from, to);
   if (parts.from.empty()) return 0.0;
   const Ball a = ballOf(parts.from), b = ballOf(parts.to);
@@ -252,9 +266,9 @@ double exchangeArea_m2(std::span<const glm::dvec3> from, std::span<const glm::dv
   // What is small against the edges (slivers, grazing places) is a small difference of large integrals: there extended precision.
   constexpr double kSmallDifference = 1e-3;
   const double scale = std::max(a.radius, b.radius);
-  const double result = contourIntegral<double>(parts.from, parts.to, scale);
+  const double result = contourIntegral<double>(parts.from, parts.to, scale, maxPanels);
   if (result > kSmallDifference) return result * scale * scale;
-  return double(std::max(0.0L, contourIntegral<long double>(parts.from, parts.to, (long double)(scale)))) * scale * scale;
+  return double(std::max(0.0L, contourIntegral<long double>(parts.from, parts.to, (long double)(scale), maxPanels))) * scale * scale;
 }
 
 long double exchangeAreaExtended_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to) {
@@ -263,7 +277,7 @@ long double exchangeAreaExtended_m2(std::span<const glm::dvec3> from, std::span<
   const Ball a = ballOf(parts.from), b = ballOf(parts.to);
   if (glm::distance(a.centre, b.centre) > kFarPolygons * (a.radius + b.radius)) return farExchange(parts.from, parts.to);
   const long double scale = std::max(a.radius, b.radius);
-  return std::max(0.0L, contourIntegral<long double>(parts.from, parts.to, scale)) * scale * scale;
+  return std::max(0.0L, contourIntegral<long double>(parts.from, parts.to, scale, kMaxPanels)) * scale * scale;
 }
 
 }  // namespace lmc

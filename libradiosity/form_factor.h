@@ -26,8 +26,10 @@ double elementToDisc(const glm::dvec3& position, const glm::dvec3& normal, const
 /// A_1 F_12 of two polygons by the contour integral 1/(2 pi) sum of d1.d2 int int ln r [sparrow1963]; parallel edges in closed form; of
 /// others the inner one in closed form, the outer by Gauss-Legendre on a mesh graded towards the places where the edges come near. Right
 /// for touching polygons; in extended precision where the sum cancels (slivers, grazing places), by a cubature of the kernel where the
-/// polygons are far. Each polygon counts only in front of the other's plane. [m^2]
-double exchangeArea_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to);
+/// polygons are far. Each polygon counts only in front of the other's plane. `maxPanels`: of the outer edge, where edges run close and
+/// almost parallel all along: the default resolves gaps of 1e-5 of their length to the last digits, 64 to some six. [m^2]
+inline constexpr std::size_t kMaxPanels = 1 << 17;
+double exchangeArea_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to, std::size_t maxPanels = kMaxPanels);
 /// The same, always in extended precision: for enclosures whose answer is a small difference, albedo near 1. [m^2]
 long double exchangeAreaExtended_m2(std::span<const glm::dvec3> from, std::span<const glm::dvec3> to);
 

@@ -16,6 +16,7 @@ namespace {
 // The ladder, by q = distance of centres / sum of radii. Errors of each rung at its limit: disc form 0.3 % at 6, three Lambert points 0.2 %
 // at 1.5.
 constexpr double kFar = 6.0, kNear = 1.5;
+constexpr std::size_t kPanels = 64;  // of an edge beside an almost parallel one: visible shares are known to far less
 constexpr std::uint32_t kClosureRays = 256;
 constexpr int kScalings = 50;
 
@@ -40,7 +41,7 @@ double leafExchange_m2(const LeafShape& a, const LeafShape& b) {
   if (q > kFar)
     return 0.5 * (a.area * elementToDisc(a.centre, a.normal, b.centre, b.normal, b.area) +
                   b.area * elementToDisc(b.centre, b.normal, a.centre, a.normal, a.area));
-  if (q <= kNear) return exchangeArea_m2(std::span<const glm::dvec3>(a.corner), std::span<const glm::dvec3>(b.corner));
+  if (q <= kNear) return exchangeArea_m2(std::span<const glm::dvec3>(a.corner), std::span<const glm::dvec3>(b.corner), kPanels);
   // Three-point rule of degree 2 on the smaller triangle, the other in closed form.
   const LeafShape &small = a.area <= b.area ? a : b, &large = a.area <= b.area ? b : a;
   double sum = 0.0;

@@ -1,5 +1,9 @@
 #include "lmc/bake_scene.h"
 
+#include <algorithm>
+#include <cmath>
+
+#include "libradiosity/solve_stored.h"
 #include "libscene/parallel.h"
 #include "libscene/sampling.h"
 
@@ -9,6 +13,11 @@ namespace {
 
 constexpr std::uint32_t kDirectPlaces = 64;
 constexpr std::uint64_t kPlaceAddress = 0x91ace5;  // of random numbers, apart from those of texels
+
+/// As many as the program casts (stages.cpp).
+std::uint32_t storedRays(double goal, std::size_t patches) {
+  return std::uint32_t(std::ceil(std::max(32.0 * 0.02 / goal, 65536.0 / double(std::max<std::size_t>(1, patches)))));
+}
 
 SurfacePoint surfacePoint(const Scene& scene, const QuadPlace& place) {
   // A quad's triangles: (0, 0) (1, 0) (1, 1) and (0, 0) (1, 1) (0, 1).
@@ -82,10 +91,20 @@ Baked bakeScene(const Scene& scene, const BakeSceneOptions& o) {
       mesh = makePatches(scene, {.size_m = o.patchSize_m}, run);
       exposePatches(mesh, scene, tracer, run);
       const PatchLight light = lightPatches(scene, tracer, mesh, direct, seen, run);
-      out.solution =
-          o.dense ? solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {}) : shoot(scene, tracer, mesh, light, {}, run);
-      field = std::make_unique<Field>(scene, mesh, seen, &texels, light,
-                                      std::array<const Bounced*, 2>{&out.solution.illuminance, &out.solution.illuminance}, nullptr, run);
+      Solution second;
+      if (o.solver == Solver::Dense) {
+        out.solution = solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {});
+      } else if (o.solver == Solver::Stored) {
+        StoredOptions stored;
+        stored.rays = storedRays(o.goal, mesh.patches.size());
+        out.solution = solveStored(scene, tracer, mesh, light, stored, run).solution;
+        stored.stream = 1;
+        second = solveStored(scene, tracer, mesh, light, stored, run).solution;
+      } else {
+        out.solution = shoot(scene, tracer, mesh, light, {}, run);
+      }
+      const Bounced &first = out.solution.illuminance, &other = second.illuminance.empty() ? first : second.illuminance;
+      field = std::make_unique<Field>(scene, mesh, seen, &texels, light, std::array<const Bounced*, 2>{&first, &other}, nullptr, run);
     }
     if (field || strength(scene.sky) > 0.0f)
       bakeHemisphere(out.map, scene, texels, tracer, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal, o.interpolate},

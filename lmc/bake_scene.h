@@ -4,6 +4,7 @@
 
 #include "libradiosity/light_map.h"
 #include "libradiosity/solve.h"
+#include "lmc/options.h"
 
 namespace lmc {
 
@@ -17,7 +18,7 @@ struct Baked {
   LightMap map;
   LightMapValues values;
   ErrorLedger ledger;
-  Solution solution;
+  Solution solution;  ///< that of the first half, where the halves have one each
   std::uint64_t rays = 0;
   std::size_t patches = 0;
   std::vector<float> coverage;     ///< of each texel, its share in its chart
@@ -35,7 +36,7 @@ struct BakeSceneOptions {
   int side = 64;
   double goal = 0.02;
   double patchSize_m = 0.5;
-  bool dense = false;
+  Solver solver = Solver::Shooting;  ///< or Dense or Stored
   bool bounce = true;
   int threads = 0;
   bool interpolate = true;  ///< MapOptions

@@ -38,7 +38,7 @@ const std::vector<Baked>& Bakes::level(std::size_t refinement, std::size_t seeds
     o.seed = combine(context_.seed, bakes.size() + 1);
     o.side = options_.side << refinement;
     o.patchSize_m = options_.patchSize_m / double(1 << refinement);
-    o.dense = true;
+    o.solver = Solver::Dense;
     o.interpolate = false;  // its error is a stated share of a map's goal; a mean over an object is judged closer than that
     bakes.push_back(bakeScene(scene_, o));
   }

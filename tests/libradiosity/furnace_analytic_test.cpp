@@ -11,23 +11,30 @@ namespace {
 using test::bakeScene;
 using test::furnace;
 
-class Furnace : public testing::TestWithParam<std::tuple<float, bool>> {};
+class Furnace : public testing::TestWithParam<std::tuple<float, Solver>> {};
 
 TEST_P(Furnace, IlluminanceIsTheClosedForm) {
-  const auto [rho, dense] = GetParam();
+  const auto [rho, solver] = GetParam();
   const double exact = kPi / (1.0 - double(rho));
-  const test::Baked b = bakeScene(furnace(rho, 1.0f), {.side = 64, .goal = 0.02, .patchSize_m = 0.7, .dense = dense});
+  const test::Baked b = bakeScene(furnace(rho, 1.0f), {.side = 64, .goal = 0.02, .patchSize_m = 0.7, .solver = solver});
   for (std::uint32_t face = 0; face < 6; ++face) EXPECT_NEAR(b.mean(face).x, exact, 0.01 * exact) << "face " << face;
   EXPECT_LT(b.solution.energy.imbalance(), 0.005);
 }
 
-INSTANTIATE_TEST_SUITE_P(Albedo, Furnace, testing::Combine(testing::Values(0.1f, 0.5f, 0.9f, 0.99f), testing::Bool()), [](const auto& i) {
-  return std::string(std::get<1>(i.param) ? "Dense" : "Shooting") + std::to_string(int(100.0f * std::get<0>(i.param) + 0.5f));
-});
+INSTANTIATE_TEST_SUITE_P(Albedo, Furnace,
+                         testing::Combine(testing::Values(0.1f, 0.5f, 0.9f, 0.99f),
+                                          testing::Values(Solver::Dense, Solver::Stored, Solver::Shooting)),
+                         [](const auto& i) {
+                           const Solver solver = std::get<1>(i.param);
+                           return std::string(solver == Solver::Dense    ? "Dense"
+                                              : solver == Solver::Stored ? "Stored"
+                                                                         : "Shooting") +
+                                  std::to_string(int(100.0f * std::get<0>(i.param) + 0.5f));
+                         });
 
 TEST(DenseSolver, FewIterationsAtAnyAlbedo) {
   for (const float rho : {0.5f, 0.95f, 0.999f}) {
-    const test::Baked b = bakeScene(furnace(rho, 1.0f), {.side = 32, .patchSize_m = 1.0, .dense = true});
+    const test::Baked b = bakeScene(furnace(rho, 1.0f), {.side = 32, .patchSize_m = 1.0, .solver = Solver::Dense});
     EXPECT_LE(b.solution.passes, 12) << rho;
     EXPECT_EQ(b.solution.stop, Stop::Energy);
     EXPECT_NEAR(b.solution.illuminance[0].x, rho * kPi / (1.0f - rho), 2e-3 * rho * kPi / (1.0f - rho))

@@ -1,7 +1,10 @@
 /// The same must come out when it should: for any number of threads, at another place, at another size.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdio>
 #include <cstring>
+#include <span>
 
 #include "tests/support/bake_scene.h"
 #include "tests/support/scenes.h"
@@ -58,7 +61,82 @@ TEST(LightMap, SizeOfTheLevelDoesNotMatter) {
     // stated errors.
     EXPECT_LT(difference(metre, other), metre.ledger.bound95 + other.ledger.bound95) << scale;
     EXPECT_NEAR(other.ledger.mean, metre.ledger.mean, 2e-3 * metre.ledger.mean) << scale;
+    std::printf("figure: scaled by %g, RMS %.3g %%, mean %+.2g %%\n", double(scale), 100.0 * difference(metre, other),
+                100.0 * (other.ledger.mean / metre.ledger.mean - 1.0));
   }
+}
+
+TEST(LightMap, InterpolatedIsWithinTheStatedErrorsOfGathered) {
+  const Scene scene = room();
+  const test::Baked all = bakeScene(scene, {.side = 128, .solver = Solver::Stored, .interpolate = false}),
+                    few = bakeScene(scene, {.side = 128, .solver = Solver::Stored});
+  const double off = difference(all, few);
+  std::printf("figure: interpolated against gathered %.2f %%, stated %.2f %% and %.2f %%, rays %.3g to %.3g, %.1f %% of texels gathered\n",
+              100.0 * off, 100.0 * few.ledger.estimate, 100.0 * all.ledger.estimate, double(few.rays), double(all.rays),
+              100.0 * double(few.ledger.gathered) / double(few.ledger.texels));
+  EXPECT_LT(off, few.ledger.estimate + all.ledger.estimate);
+  EXPECT_NEAR(few.ledger.mean, all.ledger.mean, 0.25 * (few.ledger.estimate + all.ledger.estimate) * all.ledger.mean);
+  EXPECT_EQ(all.ledger.gathered, all.ledger.texels);
+  EXPECT_EQ(all.ledger.interpolation, 0.0);
+  EXPECT_LE(few.ledger.bound95, 0.02) << "the goal";
+}
+
+TEST(LightMap, APlainRoomTakesLessThanHalfOfTheHemisphereRays) {
+  test::SceneBuilder s;
+  const auto white = s.material(Rgb(0.7f)), lamp = s.material(Rgb(0.0f), Rgb(2.0f));
+  s.room({0, 0, 0}, {3, 2.5f, 4}, {white, white, white, white, white, white});
+  s.quad({1, 2.4f, 1}, {1, 0, 0}, {0, 0, 1}, lamp);
+  const test::Baked all = bakeScene(s.scene, {.side = 128, .solver = Solver::Stored, .interpolate = false}),
+                    few = bakeScene(s.scene, {.side = 128, .solver = Solver::Stored});
+  const auto hemisphereRays = [](const test::Baked& b) {
+    std::uint64_t sum = 0;
+    for (const std::uint32_t r : b.map.rays) sum += 2 * std::uint64_t(r);
+    return double(sum);
+  };
+  std::printf("figure: plain room, hemisphere rays %.3g to %.3g, off by %.2f %%, stated %.2f %% and %.2f %%\n", hemisphereRays(few),
+              hemisphereRays(all), 100.0 * difference(all, few), 100.0 * few.ledger.estimate, 100.0 * all.ledger.estimate);
+  EXPECT_LT(hemisphereRays(few), 0.5 * hemisphereRays(all));
+  EXPECT_LT(difference(all, few), few.ledger.estimate + all.ledger.estimate);
+}
+
+TEST(LightMap, DimRoomBehindADoorKeepsItsLimit) {
+  test::SceneBuilder s;
+  const auto white = s.material(Rgb(0.6f));
+  s.room({0, 0, 0}, {3, 2.5f, 3}, {white, white, white, white, white, white});
+  s.room({3.1f, 0, 0}, {6.1f, 2.5f, 3}, {white, white, white, white, white, white});
+  // The walls between them (objects 1 and 6) shrink to both sides' walls beside a door of 0.8 m, whose jambs stay open to nothing.
+  const auto narrow = [&](std::uint32_t object) {
+    for (glm::vec3& p : std::span(s.scene.positions_m).subspan(4 * std::size_t(object), 4)) p.z = std::max(p.z, 0.8f);
+  };
+  narrow(1);
+  narrow(6);
+  s.quad({3, 0, 0.8f}, {0, 2.5f, 0}, {0.1f, 0, 0}, white);   // jamb
+  s.quad({3, 0, 0}, {0.1f, 0, 0}, {0, 2.5f, 0}, white);      // the other jamb
+  s.quad({3, 0, 0.8f}, {0.1f, 0, 0}, {0, 0, -0.8f}, white);  // sill
+  s.quad({3, 2.5f, 0}, {0.1f, 0, 0}, {0, 0, 0.8f}, white);   // lintel
+  Light l;
+  l.path = "/lamp";
+  l.position_m = {0.7, 2.0, 2.6};  // behind the wall for all of the other room but what is near the door
+  l.intensity = Rgb(10.0f);
+  s.scene.lights.push_back(l);
+  const test::Baked few = bakeScene(s.scene, {.side = 128, .patchSize_m = 0.3, .solver = Solver::Stored}),
+                    all = bakeScene(s.scene, {.side = 128, .patchSize_m = 0.3, .solver = Solver::Stored, .interpolate = false, .seed = 2});
+  double squares = 0.0, mean = 0.0, n = 0.0;
+  for (std::size_t i = 0; i < all.map.size(); ++i) {
+    if (all.map.chart[i] == kNone || all.map.object[i] < 6 || all.map.object[i] > 11) continue;
+    const glm::dvec3 e = glm::dvec3(all.values.direct[i] + all.values.indirect[i]),
+                     d = glm::dvec3(few.values.direct[i] + few.values.indirect[i]) - e;
+    squares += glm::dot(d, d) / 3.0;
+    mean += (e.x + e.y + e.z) / 3.0;
+    n += 1.0;
+  }
+  mean /= n;
+  const double off = std::sqrt(squares / n) / mean;
+  std::printf("figure: dim room at %.2g of the level's light, two bakes differ by %.2f %%, worst object stated %.2f %%\n",
+              mean / all.ledger.mean, 100.0 * off, 100.0 * few.ledger.worstObject);
+  EXPECT_LT(mean, 0.2 * all.ledger.mean);
+  EXPECT_LE(few.ledger.worstObject, kObjectLimit * 0.02);
+  EXPECT_LT(off, 2.0 * kObjectLimit * 0.02) << "both may be off by the limit";
 }
 
 TEST(LightMap, ADroppedLampMovesNoOthersSamples) {
