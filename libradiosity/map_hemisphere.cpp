@@ -21,7 +21,7 @@ constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 constexpr double kMeanRaysAtTwoPercent = 1024.0;
 constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
 constexpr double kBudget = 0.84;             // of the goal, for sampling and interpolation; the rest is for patch size and bounces left out
-constexpr double kObjectBudget = 0.78;       // of an object's: estimates of small ones waver more
+constexpr double kObjectBudget = 0.72;       // of an object's: estimates of small ones waver more
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
