@@ -6,7 +6,6 @@
 
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 
 #include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
@@ -101,16 +100,8 @@ int main(int argc, char** argv) {
   }
 
   Bounced exact;
-  if (reference > 0.0) {
-    const std::string cache = fmt::format("/tmp/links_bench.{}.{}.{}", std::filesystem::path(level).stem().string(), n, int(reference));
-    if (std::ifstream f(cache, std::ios::binary); f) {
-      exact.resize(n);
-      f.read(reinterpret_cast<char*>(exact.data()), std::streamsize(n * sizeof(Rgb)));
-    } else {
-      exact = shoot(scene, tracer, mesh, light, {.maxTail = 1e-4, .raysPerPatch = reference, .stream = 7, .onPass = {}}, run).illuminance;
-      std::ofstream(cache, std::ios::binary).write(reinterpret_cast<const char*>(exact.data()), std::streamsize(n * sizeof(Rgb)));
-    }
-  }
+  if (reference > 0.0)
+    exact = shoot(scene, tracer, mesh, light, {.maxTail = 1e-4, .raysPerPatch = reference, .stream = 7, .onPass = {}}, run).illuminance;
   const auto compare = [&](const char* name, const Bounced& H) {
     double squaresSum = 0.0, mean = 0.0, area = 0.0, bias = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
@@ -121,19 +112,6 @@ int main(int argc, char** argv) {
       const glm::dvec3 e = glm::dvec3(exact[i]) + glm::dvec3(light.direct[i]) + glm::dvec3(light.sky[i]);
       mean += p.area_m2 * (e.x + e.y + e.z) / 3.0;
       area += p.area_m2;
-    }
-    if (std::getenv("BY_OBJECT") != nullptr) {
-      std::vector<std::array<double, 5>> o(scene.objects.size());
-      for (std::size_t i = 0; i < n; ++i) {
-        const Patch& p = mesh.patches[i];
-        const double d = double(H[i].r) - double(exact[i].r), A = p.area_m2;
-        auto& x = o[p.object];
-        x[0] += A, x[1] += A * double(exact[i].r), x[2] += A * d, x[3] += A * d * d,
-            x[4] += A * (double(light.direct[i].r) + double(light.sky[i].r));
-      }
-      for (std::size_t k = 0; k < o.size(); ++k)
-        fmt::print("    {:24} area {:.3f} H {:.4g} E {:.4g} bias {:+.2f} % rms {:.2f} %\n", scene.objects[k].path, o[k][0],
-                   o[k][1] / o[k][0], o[k][4] / o[k][0], 100 * o[k][2] / o[k][1], 100 * std::sqrt(o[k][3] / o[k][0]) / (o[k][1] / o[k][0]));
     }
     // Hemisphere rays from places on 2000 patches, by area.
     double seenSquares = 0.0, seenMean = 0.0, localSquares = 0.0;

@@ -83,8 +83,7 @@ LightTree::LightTree(const Scene& scene, const Emitters& emitters) : punctualCou
   }
   if (leaves.empty()) return;
   nodes_.reserve(2 * leaves.size());
-  const std::uint32_t root = build(leaves, 0, leaves.size());
-  nodes_.push_back(nodes_[root]);
+  build(leaves, 0, leaves.size());
 }
 
 std::uint32_t LightTree::build(std::vector<Node>& leaves, std::size_t begin, std::size_t end) {
@@ -92,17 +91,16 @@ std::uint32_t LightTree::build(std::vector<Node>& leaves, std::size_t begin, std
     nodes_.push_back(leaves[begin]);
     return std::uint32_t(nodes_.size() - 1);
   }
-  // Halved at the median of the middles along the longest side; lights that look another way go apart first.
-  glm::dvec3 lo(1e300), hi(-1e300), axes(0.0);
+  // Halved at the median of the middles along the longest side.
+  glm::dvec3 lo(1e300), hi(-1e300);
   for (std::size_t i = begin; i < end; ++i) {
     const glm::dvec3 c = 0.5 * (leaves[i].lo + leaves[i].hi);
     lo = glm::min(lo, c);
     hi = glm::max(hi, c);
-    axes += leaves[i].axis;
   }
   const glm::dvec3 size = hi - lo;
   const int side = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-  std::size_t middle = begin + (end - begin) / 2;
+  const std::size_t middle = begin + (end - begin) / 2;
   std::stable_sort(leaves.begin() + std::ptrdiff_t(begin), leaves.begin() + std::ptrdiff_t(end),
                    [side](const Node& a, const Node& b) { return a.lo[side] + a.hi[side] < b.lo[side] + b.hi[side]; });
   const std::uint32_t left = build(leaves, begin, middle), right = build(leaves, middle, end);

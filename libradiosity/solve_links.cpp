@@ -1,10 +1,10 @@
 #include "libradiosity/solve_links.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "libradiosity/conjugate_gradients.h"
+#include "libradiosity/visibility.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
 #include "libscene/sampling.h"
@@ -142,19 +142,7 @@ void findClosure(Surfaces& s, const ClusterTree& tree, const Scene& scene, const
     std::array<Ray, kClosureRays> rays;
     std::array<Hit, kClosureRays> hits;
     for (std::uint32_t r = 0; r < kClosureRays; ++r) {
-      const glm::vec4 u = numbers.point(r);
-      glm::vec2 at(u.z, u.w);
-      if (patch.exposed != 0xffff) {
-        const int exposed = std::popcount(patch.exposed);
-        std::uint32_t bits = patch.exposed;
-        for (int m = std::min(int(u.z * float(exposed)), exposed - 1); m > 0; --m) bits &= bits - 1;
-        const glm::vec4 place = places.point(std::uint32_t(std::countr_zero(bits)));
-        at = {place.z, place.w};
-      }
-      const auto [triangle, bary] = mesh.sample(patch, at);
-      const SurfacePoint p = surfacePoint(scene, triangle, bary);
-      const glm::dvec3 normal = patch.back ? -p.geometricNormal : p.geometricNormal;
-      rays[r] = {tracer.lifted(p.position_m, normal), glm::vec3(frameAbout(normal) * cosineHemisphere({u.x, u.y})), INFINITY};
+      rays[r] = exposedRay(scene, tracer, mesh, patch, numbers.point(r), places);
     }
     tracer.closest(rays, hits, Purpose::Visibility);
     std::uint32_t fronts = 0, backs = 0;

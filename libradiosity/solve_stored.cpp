@@ -1,10 +1,10 @@
 #include "libradiosity/solve_stored.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "libradiosity/conjugate_gradients.h"
+#include "libradiosity/visibility.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
 #include "libscene/sampling.h"
@@ -46,20 +46,7 @@ class Hits {
       for (std::uint32_t begin = 0; begin < rays[k]; begin += kRaysAtOnce) {
         const std::uint32_t count = std::min(kRaysAtOnce, rays[k] - begin);
         for (std::uint32_t r = 0; r < count; ++r) {
-          const glm::vec4 u = numbers.point(begin + r);
-          glm::vec2 at(u.z, u.w);
-          if (patch.exposed != 0xffff) {
-            // From its exposed places alone: the rest lies inside solids and is not in its area.
-            const int exposed = std::popcount(patch.exposed);
-            std::uint32_t bits = patch.exposed;
-            for (int m = std::min(int(u.z * float(exposed)), exposed - 1); m > 0; --m) bits &= bits - 1;
-            const glm::vec4 place = places.point(std::uint32_t(std::countr_zero(bits)));
-            at = {place.z, place.w};
-          }
-          const auto [triangle, bary] = mesh.sample(patch, at);
-          const SurfacePoint p = surfacePoint(scene, triangle, bary);
-          const glm::dvec3 normal = patch.back ? -p.geometricNormal : p.geometricNormal;
-          batch[r] = {tracer.lifted(p.position_m, normal), glm::vec3(frameAbout(normal) * cosineHemisphere({u.x, u.y})), INFINITY};
+          batch[r] = exposedRay(scene, tracer, mesh, patch, numbers.point(begin + r), places);
         }
         tracer.closest({batch.data(), count}, {hits.data(), count}, Purpose::Shoot);
         for (std::uint32_t r = 0; r < count; ++r) {

@@ -1,8 +1,11 @@
 #include "libradiosity/visibility.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 
 #include "libscene/rng.h"
+#include "libscene/sampling.h"
 #include "libscene/texels.h"
 
 namespace lmc {
@@ -19,6 +22,22 @@ std::array<glm::dvec3, 3> leafCorners(const Scene& scene, const Leaf& leaf, bool
   const glm::dvec3 n = glm::cross(c[1] - c[0], c[2] - c[0]), m = glm::cross(out[1] - out[0], out[2] - out[0]);
   if ((glm::dot(n, m) < 0.0) != back) std::swap(out[1], out[2]);
   return out;
+}
+
+Ray exposedRay(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const Patch& patch, const glm::vec4& u,
+               const Sobol4& places) {
+  glm::vec2 at(u.z, u.w);
+  if (patch.exposed != 0xffff) {
+    const int exposed = std::popcount(patch.exposed);
+    std::uint32_t bits = patch.exposed;
+    for (int m = std::min(int(u.z * float(exposed)), exposed - 1); m > 0; --m) bits &= bits - 1;
+    const glm::vec4 place = places.point(std::uint32_t(std::countr_zero(bits)));
+    at = {place.z, place.w};
+  }
+  const auto [triangle, bary] = mesh.sample(patch, at);
+  const SurfacePoint p = surfacePoint(scene, triangle, bary);
+  const glm::dvec3 normal = patch.back ? -p.geometricNormal : p.geometricNormal;
+  return {tracer.lifted(p.position_m, normal), glm::vec3(frameAbout(normal) * cosineHemisphere({u.x, u.y})), INFINITY};
 }
 
 bool mayFace(const Patch& a, const Patch& b) {
