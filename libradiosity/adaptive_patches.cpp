@@ -29,7 +29,9 @@ std::vector<Rgb> indirectOf(const Scene& scene, const Tracer& tracer, const Dire
   options.stream = kStream;
   const Bounced bounced = solveStored(scene, tracer, mesh, light, options, run).solution.illuminance;
   for (std::size_t i = 0; i < bounced.size(); ++i) light.sky[i] += bounced[i];
-  return Slopes(scene, mesh, map, texels, run).overTexels(light.sky);
+  const TexelPatches places(scene, mesh, map, texels, run);
+  const PatchGroups single = singlePatches(mesh);
+  return Slopes(mesh, map, places, single).overTexels(light.sky);
 }
 
 }  // namespace

@@ -26,32 +26,19 @@ SurfacePoint place(const Scene& scene, const PatchMesh& mesh, const Patch& patch
 }
 
 /// Patches of twice the size: by object, direction, size and cell of space.
-std::vector<std::uint32_t> coarseGroups(const PatchMesh& mesh, std::uint32_t& count) {
+PatchGroups coarseGroups(const PatchMesh& mesh) {
   std::unordered_map<std::uint64_t, std::uint32_t> cell;
-  std::vector<std::uint32_t> group(mesh.patches.size());
-  count = 0;
-  for (std::size_t i = 0; i < group.size(); ++i) {
+  PatchGroups out;
+  out.of.resize(mesh.patches.size());
+  for (std::size_t i = 0; i < out.of.size(); ++i) {
     const Patch& p = mesh.patches[i];
     const glm::dvec3 c = glm::floor(p.centre_m / (2.0 * double(p.size_m))), n = glm::floor(2.0 * p.normal + 0.5);
     std::uint64_t key = combine(combine(p.object, p.back), p.level);
     for (int k = 0; k < 3; ++k) key = combine(key, combine(std::uint64_t(std::int64_t(c[k])), std::uint64_t(std::int64_t(n[k]))));
-    const auto [it, fresh] = cell.try_emplace(key, count);
-    if (fresh) ++count;
-    group[i] = it->second;
+    const auto [it, fresh] = cell.try_emplace(key, out.count);
+    if (fresh) ++out.count;
+    out.of[i] = it->second;
   }
-  return group;
-}
-
-std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32_t>& group, std::uint32_t count,
-                            const std::vector<Rgb>& values) {
-  std::vector<glm::dvec3> sum(count, glm::dvec3(0.0));
-  std::vector<double> area(count, 0.0);
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    sum[group[i]] += mesh.patches[i].area_m2 * glm::dvec3(values[i]);
-    area[group[i]] += mesh.patches[i].area_m2;
-  }
-  std::vector<Rgb> out(values.size());
-  for (std::size_t i = 0; i < values.size(); ++i) out[i] = area[group[i]] > 0.0 ? Rgb(sum[group[i]] / area[group[i]]) : values[i];
   return out;
 }
 
@@ -149,29 +136,12 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
   return out;
 }
 
-Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap* texels, const PatchLight& light,
+Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap& texels, const PatchLight& light,
              std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run)
     : scene_(scene), mesh_(mesh), map_(map), uvs_(scene.triangles.size()) {
-  std::uint32_t count = 0;
-  const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
-  const std::vector<Rgb> coarseDirect = groupMeans(mesh, group, count, light.direct);
-  std::array<std::vector<Rgb>, 2> indirect, coarseIndirect;  // sky and bounces
-  for (std::size_t h = 0; h < 2; ++h) {
-    indirect[h] = *solutions[h];
-    for (std::size_t i = 0; i < indirect[h].size(); ++i) indirect[h][i] += light.sky[i];
-    if (coarser) {
-      coarseIndirect[h] = *coarser;
-      for (std::size_t i = 0; i < coarser->size(); ++i) coarseIndirect[h][i] += light.sky[i];
-    }
-    coarseIndirect[h] = groupMeans(mesh, group, count, coarser ? coarseIndirect[h] : indirect[h]);
-    for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
-      const Rgb rho = mesh.patches[i].reflectance;
-      patches_[h].push_back(
-          {rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect[h][i]), mesh.patches[i].size_m});
-    }
-  }
-  if (!texels || !map) return;
-  for (auto& t : texels_) t.resize(std::size_t(map.width) * std::size_t(map.height));
+  const TexelPatches places(scene, mesh, map, texels, run);
+  const PatchGroups single = singlePatches(mesh), group = coarseGroups(mesh);
+  const Slopes fine(mesh, map, places, single), coarse(mesh, map, places, group);
   const glm::vec2 size(map.width, map.height);
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
     if (!scene.objectOf(t).receive || !scene.objectOf(t).hasUv1) continue;
@@ -179,17 +149,26 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
     uvs_[t] = {size * scene.uv1[v.x], size * (scene.uv1[v.y] - scene.uv1[v.x]), size * (scene.uv1[v.z] - scene.uv1[v.x]),
                map.charts->chartOf[t]};
   }
-  const Slopes slopes(scene, mesh, map, *texels, run);
+  const std::vector<Rgb> coarseDirect = coarse.means(light.direct);
   for (std::size_t h = 0; h < 2; ++h) {
-    const std::vector<Rgb> fine = slopes.overTexels(indirect[h]);
-    for (std::size_t i = 0; i < fine.size(); ++i) {
-      const std::uint32_t id = slopes.patchOf()[i];
-      if (id == kNone) continue;
-      const Patch& p = mesh.patches[id];
-      // The coarse copy lies as flat as patches do: what slopes mend is a measure of what they leave.
-      texels_[h][i] = {
-          {p.reflectance * (map.illuminance[i] + fine[i]), p.reflectance * (map.illuminance[i] + coarseIndirect[h][id]), p.size_m},
-          map.chart[i]};
+    const auto withSky = [&](Bounced b) {
+      for (std::size_t i = 0; i < b.size(); ++i) b[i] += light.sky[i];
+      return b;
+    };
+    const Bounced indirect = withSky(*solutions[h]);
+    const std::vector<Rgb> coarseIndirect = coarse.means(coarser ? withSky(*coarser) : indirect);
+    for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
+      const Patch& p = mesh.patches[i];
+      patches_[h].push_back({p.reflectance * (light.direct[i] + indirect[i]),
+                             p.reflectance * (coarseDirect[group.of[i]] + coarseIndirect[group.of[i]]), p.size_m});
+    }
+    const std::vector<Rgb> fineAt = fine.overTexels(indirect), coarseAt = coarse.overTexels(coarseIndirect);
+    texels_[h].resize(fineAt.size());
+    for (std::size_t i = 0; i < fineAt.size(); ++i) {
+      if (places.patch[i] == kNone) continue;
+      const Patch& p = mesh.patches[places.patch[i]];
+      texels_[h][i] = {{p.reflectance * (map.illuminance[i] + fineAt[i]), p.reflectance * (map.illuminance[i] + coarseAt[i]), p.size_m},
+                       map.chart[i]};
     }
   }
 }

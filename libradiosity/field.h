@@ -44,8 +44,8 @@ using Bounced = std::vector<Rgb>;
 class Field {
  public:
   /// `coarser`: a solution that the coarse copy is made of instead (links of the round before); may be nullptr.
-  /// `texels` are those of the map; without a map (tests) patches alone are read.
-  Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap*, const PatchLight&, std::array<const Bounced*, 2> solutions,
+  /// `texels` are those of the map.
+  Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap&, const PatchLight&, std::array<const Bounced*, 2> solutions,
         const Bounced* coarser, const Run&);
   struct Seen {
     Rgb exitance{0.0f};   ///< B [lm/m^2]; emitted light is not in it

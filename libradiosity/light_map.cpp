@@ -10,8 +10,7 @@ namespace lmc {
 
 namespace {
 
-constexpr int kBlock = 4;            // side of the blocks over which differences of halves are pooled [texels]
-constexpr double kFieldShare = 0.5;  // error of size h against the change from 2h to h: 1/3 at second order, 1 at first; see docs/stages.md
+constexpr int kBlock = 4;  // side of the blocks over which differences of halves are pooled [texels]
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
 
@@ -176,12 +175,13 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail, double 
   out.interpolation = level.interpolation() / out.mean;
   out.estimate = std::sqrt(out.noise * out.noise + out.field * out.field + out.interpolation * out.interpolation) + out.tailEstimate;
   // Field noise shared by many texels is in both halves' difference only in part: the bound takes twice the field's share.
-  out.bound95 = level.noiseBound() / out.mean + out.interpolation + 2.0 * out.field + out.tail;
+  out.bound95 = level.noiseBound() / out.mean + out.interpolation + kFieldBound * out.field + out.tail;
   for (std::uint32_t o = 0; o < objects.size(); ++o) {
     if (objects[o].texels == 0.0) continue;
     const double against = std::max(objects[o].mean(), kDimRoom * out.mean);
     const double bound =
-        (objects[o].noiseBound() + objects[o].interpolation() + 2.0 * objects[o].field() + tail * objects[o].bouncedMean()) / against;
+        (objects[o].noiseBound() + objects[o].interpolation() + kFieldBound * objects[o].field() + tail * objects[o].bouncedMean()) /
+        against;
     if (bound > out.worstObject) {
       out.worstObject = bound;
       out.worstObjectId = o;

@@ -56,6 +56,7 @@ struct ErrorLedger {
 struct MapOptions {
   double goal = 0.02;       ///< relative RMS error asked for
   bool interpolate = true;  ///< where light is smooth; else every texel is gathered
+  double tail = 0.0;        ///< upper bound of the bounced light that the solution leaves out, as a share of it
 };
 
 /// Charts, objects and coverage of every texel.
@@ -73,6 +74,10 @@ void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, con
 LightMapValues values(const LightMap&, const Scene&);
 /// `tail`, `tailEstimate`: of the solution, as shares of the bounced light.
 ErrorLedger ledger(const LightMap&, const Scene&, double tail, double tailEstimate);
+
+/// The error that patches of a size leave, against the change of the map when light is read from patches of twice the size: 1/3 at second
+/// order, 1 at first, 0.6 to 1.3 as measured (docs/stages.md); and how far the bound goes above it.
+inline constexpr double kFieldShare = 0.75, kFieldBound = 1.5;
 
 /// An object's error counts against max(its own mean, this share of the level's), and may be kObjectLimit times the goal (design.md
 /// section 5).

@@ -12,11 +12,12 @@ namespace {
 
 constexpr double kJoined = 0.995;  // cosine between the normals of neighbour texels of one smooth surface: 5.7 degrees
 constexpr double kFold = 0.5;      // of a texel's step: neighbours whose middles lie farther off the tangent plane than this are not joined
-constexpr float kFeelerHeight = 0.25f, kFeelerDrawn = 0.5f;  // above the surface, and in from the corners, in texels
+constexpr float kFeelerHeight = 0.25f;  // above the surface, in texels
 // Error of bilinear interpolation, mean square over a cell, as a share of the sum of squares of the bends that its corners showed along x
 // and y when they were middles: (rx t(1-t) + ry s(1-s))^2 has mean rx^2/30 + ry^2/30 + rx ry/18, at most 0.061 (rx^2 + ry^2) where light is
 // twice differentiable; a third more for where it is not quite.
 constexpr double kErrorOfBend = 1.0 / 12.0;
+constexpr double kSteep = 0.35;  // change from end to end, as a share of the larger, from which one halving that looks straight does not do
 constexpr double kNextHalving = 1.0 / 16.0;  // of a bend's square, where light is twice differentiable
 
 enum Join : std::uint8_t { kRight = 1, kDown = 2 };
@@ -132,27 +133,48 @@ MapCells::MapCells(const MapLayout& map, const Scene& scene, const TexelMap& tex
 
   // Every root is halved once along each axis, so that its bends are known, and on where a feeler from corner to corner, close above the
   // surface, meets something: what stands there casts shadows that the corners need not see.
+  const auto goesOn = [&](int x, int y, int dx, int dy) {
+    const int nx = x + dx, ny = y + dy;
+    return nx >= 0 && ny >= 0 && nx < map.width && ny < map.height && map.chart[index(nx, ny)] == map.chart[index(x, y)];
+  };
   const auto feels = [&](const Cell& c) {
-    const std::size_t corner[4] = {index(c.x0, c.y0), index(c.x1, c.y0), index(c.x1, c.y1), index(c.x0, c.y1)};
-    constexpr std::array<std::array<std::size_t, 2>, 6> kWays{{{0, 1}, {1, 2}, {2, 3}, {3, 0}, {0, 2}, {1, 3}}};
+    const int w = c.x1 - c.x0, h = c.y1 - c.y0;
+    const glm::vec3 &p00 = at.position_m[index(c.x0, c.y0)], &p10 = at.position_m[index(c.x1, c.y0)],
+                    &p01 = at.position_m[index(c.x0, c.y1)];
+    const glm::vec3 ex = w > 0 ? (p10 - p00) / float(w) : glm::vec3(0.0f), ey = h > 0 ? (p01 - p00) / float(h) : glm::vec3(0.0f);
+    const float height = kFeelerHeight * std::max(glm::length(ex), glm::length(ey)) + tracer.lift_m();
+    // Feelers go on for half a texel beyond their corners, so that what stands in a corner's own texel is met. At the end of a chart they
+    // stop as far before: a corner in the last texel before a wall may lie in the wall's own plane.
+    const auto shift = [&](int x, int y, int dx, int dy, int width, bool along) {
+      if (width == 0) return 0.0f;
+      if (goesOn(x, y, dx, dy)) return along ? 0.5f : 0.0f;
+      return width > 1 ? -0.5f : -0.25f;
+    };
+    const auto end = [&](int x, int y, bool alongX, bool alongY) {
+      const int dx = x == c.x0 ? -1 : 1, dy = y == c.y0 ? -1 : 1;  // outwards
+      const std::size_t i = index(x, y);
+      return at.position_m[i] + shift(x, y, dx, 0, w, alongX) * float(dx) * ex + shift(x, y, 0, dy, h, alongY) * float(dy) * ey +
+             height * at.normal[i];
+    };
     std::array<Ray, 6> rays;
-    std::array<std::uint8_t, 6> blocked;
-    const float texels_ = float(std::max(c.x1 - c.x0, c.y1 - c.y0));
-    const glm::vec3 middle =
-        0.25f * (at.position_m[corner[0]] + at.position_m[corner[1]] + at.position_m[corner[2]] + at.position_m[corner[3]]);
-    const float height = kFeelerHeight * glm::distance(at.position_m[corner[0]], at.position_m[corner[2]]) / texels_;
-    for (std::size_t k = 0; k < 6; ++k) {
-      const std::size_t a = corner[kWays[k][0]], b = corner[kWays[k][1]];
-      // Drawn in towards the middle: a corner in the last texel before a wall may lie in the wall's own plane.
-      const auto end = [&](std::size_t i) {
-        const glm::vec3& p = at.position_m[i];
-        return p + (kFeelerDrawn / texels_) * (middle - p) + (height + tracer.lift_m()) * at.normal[i];
-      };
-      const glm::vec3 from = end(a), to = end(b);
-      rays[k] = {from, to - from, 1.0f};
+    std::size_t n = 0;
+    const auto feel = [&](int xa, int ya, int xb, int yb) {
+      const bool alongX = xa != xb, alongY = ya != yb;
+      if (!alongX && !alongY) return;
+      const glm::vec3 from = end(xa, ya, alongX, alongY), to = end(xb, yb, alongX, alongY);
+      rays[n++] = {from, to - from, 1.0f};
+    };
+    feel(c.x0, c.y0, c.x1, c.y0);
+    feel(c.x1, c.y0, c.x1, c.y1);
+    feel(c.x1, c.y1, c.x0, c.y1);
+    feel(c.x0, c.y1, c.x0, c.y0);
+    if (w > 0 && h > 0) {
+      feel(c.x0, c.y0, c.x1, c.y1);
+      feel(c.x1, c.y0, c.x0, c.y1);
     }
-    tracer.occluded(rays, blocked, Purpose::Cells);
-    return std::ranges::any_of(blocked, [](std::uint8_t b) { return b != 0; });
+    std::array<std::uint8_t, 6> blocked;
+    tracer.occluded({rays.data(), n}, {blocked.data(), n}, Purpose::Cells);
+    return std::any_of(blocked.begin(), blocked.begin() + std::ptrdiff_t(n), [](std::uint8_t b) { return b != 0; });
   };
   std::vector<std::uint32_t> row(roots_);
   std::iota(row.begin(), row.end(), 0u);
@@ -161,7 +183,7 @@ MapCells::MapCells(const MapLayout& map, const Scene& scene, const TexelMap& tex
     stands.assign(row.size(), 0);
     parallelFor(quiet, row.size(), 64, [&](std::size_t k) {
       const Cell& c = cells_[row[k]];
-      stands[k] = (c.x1 - c.x0 > 1 || c.y1 - c.y0 > 1) && c.x1 > c.x0 && c.y1 > c.y0 && feels(c);
+      stands[k] = (c.x1 - c.x0 > 1 || c.y1 - c.y0 > 1) && feels(c);
     });
     std::vector<std::uint32_t> next;
     for (std::size_t k = 0; k < row.size(); ++k) {
@@ -276,15 +298,29 @@ std::size_t MapCells::refine(const ValueAt& at, const ToleranceAt& tolerance) {
       const Tolerance t = tolerance(i);
       allowed = {std::min(allowed.error, t.error), std::min(allowed.significance, t.significance)};
     }
-    const auto bends = [&](const Bend& b, int extent) {
+    // A shadow's edge in the very middle of a cell looks straight.
+    const auto steep = [&](bool alongY) {
+      double change2 = 0.0, most = 0.0, noise = 0.0;
+      for (int line = 0; line < 2; ++line) {
+        const Value from = at(alongY ? index(line == 0 ? c.x0 : c.x1, c.y0) : index(c.x0, line == 0 ? c.y0 : c.y1)),
+                    to = at(alongY ? index(line == 0 ? c.x0 : c.x1, c.y1) : index(c.x1, line == 0 ? c.y0 : c.y1));
+        const glm::dvec3 d = to.illuminance - from.illuminance;
+        change2 += 0.5 * mean3(d * d);
+        most = std::max({most, mean3(from.illuminance), mean3(to.illuminance)});
+        noise += 0.5 * (from.variance + to.variance);
+      }
+      return change2 - noise > kSteep * kSteep * most * most && change2 - noise > allowed.significance * noise;
+    };
+    const auto bends = [&](const Bend& b, int extent, bool alongY) {
       if (extent < 2) return false;
+      if (!b.before.known && steep(alongY)) return true;
       const auto tooMuch = [&](const Halving& h, double share) {
         return h.known && kErrorOfBend * share * h.sure() > 0.5 * allowed.error * allowed.error &&
                h.sure() > allowed.significance * h.noise;
       };
       return !b.last.known || tooMuch(b.last, 1.0) || tooMuch(b.before, kNextHalving);
     };
-    const std::array<bool, 2> cut{bends(x, c.x1 - c.x0), bends(y, c.y1 - c.y0)};
+    const std::array<bool, 2> cut{bends(x, c.x1 - c.x0, false), bends(y, c.y1 - c.y0, true)};
     if (cut[0] || cut[1]) wanted.emplace_back(id, cut);
   });
   const auto before = std::accumulate(gathered_.begin(), gathered_.end(), std::size_t(0));

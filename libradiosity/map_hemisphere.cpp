@@ -20,8 +20,8 @@ constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 // light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
 constexpr double kMeanRaysAtTwoPercent = 1024.0;
 constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
-constexpr double kBudget = 0.84;             // of the goal, for sampling and interpolation; the rest is for patch size and bounces left out
-constexpr double kObjectBudget = 0.72;       // of an object's: estimates of small ones waver more
+constexpr double kBudget = 0.95;             // of the goal: what is foretold wavers
+constexpr double kObjectBudget = 0.9;        // of an object's: estimates of small ones waver more
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
@@ -29,8 +29,12 @@ constexpr double kLargeInterpolation = 0.25;           // of an object's budget
 constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
 constexpr double kDimPlace = 0.03;
 constexpr double kLargeChart = 0.01;  // of the level's texels
-constexpr int kGuideBlock = 16;       // texels
-constexpr int kPilotHalvings = 4, kMaxCorrections = 2;
+// A point whose own halves are so many goals off, against its light, has met what is rare and bright, and would show as a speckle: it gets
+// so many times its rays.
+constexpr double kSpeckle = 10.0;
+constexpr std::uint32_t kSpeckleRays = 4;
+constexpr int kGuideBlock = 16;  // texels
+constexpr int kPilotHalvings = 4, kMaxCorrections = 2, kSpeckleRounds = 3;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
 
@@ -51,6 +55,8 @@ struct Pool {
   double variance1 = 0.0;             ///< of one ray's worth: variance of a point is variance1 * rays^(-2 kSobolExponent) [lx^2]
   double influence = 0.0;             ///< sum over points and texels of squared weights: noise of the texels is influence * variance
   double illuminance = 0.0;           ///< mean over the texels spoken for, direct light included [lx]
+  double bounced = 0.0;               ///< the part of it that comes by bounces
+  glm::dvec3 drift{0.0};              ///< mean change when light is read from patches of twice the size [lx]
   double wanted = 0.0;                ///< rays each half after the next round
 };
 
@@ -105,6 +111,11 @@ class HemisphereBaker {
       done = 0.5 * (next + 1.0);
       makePools();
     }
+    for (int k = 0; k < kSpeckleRounds; ++k) {
+      askAgain();
+      if (!cast(done, done)) break;
+      makePools();
+    }
     finish();
     run_.progress(1.0);
   }
@@ -119,6 +130,9 @@ class HemisphereBaker {
   glm::dvec3 direct(std::size_t i) const { return 0.5 * (glm::dvec3(map_.direct[0][i]) + glm::dvec3(map_.direct[1][i])); }
   MapCells::ValueAt valueAt() const {
     return [this](std::size_t i) { return MapCells::Value{illuminance(i), varianceOf(i)}; };
+  }
+  glm::dvec3 bouncedOf(std::size_t i) const {
+    return 0.5 * (glm::dvec3(map_.bounced[0][i]) + glm::dvec3(map_.bounced[1][i])) / double(map_.rays[i]);
   }
   double varianceOf(std::size_t i) const { return pools_[poolOf_[i]].variance1 * std::pow(double(map_.rays[i]), -2.0 * kSobolExponent); }
 
@@ -205,15 +219,20 @@ class HemisphereBaker {
       p.variance1 += mean3(d * d) * std::pow(double(map_.rays[i]), 1.0 + 2.0 * kSobolExponent);
       p.influence += double(influence[i]);
       p.illuminance += double(sum[i]);
+      const glm::dvec3 bounced = bouncedOf(i);
+      p.bounced += double(spoken[i]) * mean3(bounced);
+      p.drift += double(spoken[i]) * (glm::dvec3(map_.coarse[i]) / (2.0 * double(map_.rays[i])) - bounced);
     }
     for (Pool& p : pools_) {
       p.variance1 /= p.rays;
       p.rays /= p.points;
       p.illuminance /= p.texels;
+      p.bounced /= p.texels;
+      p.drift /= p.texels;
     }
     double sum_ = 0.0, texels = 0.0;
     objectMean_.assign(scene_.objects.size(), 0.0);
-    objectTexels_.assign(scene_.objects.size(), 0.0);
+    objectTexels_ = objectMean_;
     for (const Pool& p : pools_) {
       sum_ += p.texels * p.illuminance;
       texels += p.texels;
@@ -283,13 +302,21 @@ class HemisphereBaker {
       texels += 1.0;
     }
     levelVariance /= texels;
-    // What interpolation takes leaves less for noise: they add up in the bound (design.md section 5).
+    // What interpolation, patches and bounces left out take leaves less for noise: they add up in the bound (design.md section 5).
     const std::vector<double> between = interpolation2();
     const auto noiseFor = [&](double budget, std::span<const std::uint32_t> ids, double interpolation2Sum, double texelsOf,
                               double directVarianceOf) {
-      double points = 0.0;
-      for (const std::uint32_t i : ids) points += pools_[i].points;
-      const double noise = std::max((budget - std::sqrt(interpolation2Sum / texelsOf)) / noise95(points), kLeastNoise * budget);
+      double points = 0.0, spoken = 0.0, field2 = 0.0, bounced = 0.0;
+      for (const std::uint32_t i : ids) {
+        const Pool& p = pools_[i];
+        points += p.points;
+        spoken += p.texels;
+        field2 += p.texels * mean3(p.drift * p.drift);
+        bounced += p.texels * p.bounced;
+      }
+      const double others = std::sqrt(interpolation2Sum / texelsOf) + kFieldBound * kFieldShare * std::sqrt(field2 / spoken) +
+                            options_.tail * bounced / spoken;
+      const double noise = std::max((budget - others) / noise95(points), kLeastNoise * budget);
       return std::max(noise * noise - directVarianceOf, 0.5 * noise * noise);
     };
 
@@ -331,6 +358,16 @@ class HemisphereBaker {
       for (Pool& p : pools_) p.wanted = p.rays + (p.wanted - p.rays) * most / (wanted - have);
     for (std::size_t i = 0; i < map_.size(); ++i)
       if (poolOf_[i] != kNone) wanted_[i] = std::max(map_.rays[i], std::uint32_t(std::ceil(pools_[poolOf_[i]].wanted / 8.0)) * 8);
+  }
+
+  /// More rays for points that would show as speckles.
+  void askAgain() {
+    for (std::size_t i = 0; i < map_.size(); ++i) {
+      if (poolOf_[i] == kNone) continue;
+      const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
+      const double speckle = kSpeckle * options_.goal * std::max(mean3(direct(i) + illuminance(i)), kDimPlace * mean_);
+      if (mean3(d * d) > speckle * speckle) wanted_[i] = std::clamp(kSpeckleRays * map_.rays[i], map_.rays[i], kMostRays);
+    }
   }
 
   /// Expected square of the interpolation error, summed over the texels of each object [lx^2].

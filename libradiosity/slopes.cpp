@@ -1,5 +1,6 @@
 #include "libradiosity/slopes.h"
 
+#include <numeric>
 #include <unordered_set>
 
 #include "libscene/parallel.h"
@@ -13,11 +14,8 @@ constexpr double kRidge =
 
 }  // namespace
 
-Slopes::Slopes(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap& texels, const Run& run)
-    : mesh_(mesh),
-      patchOf_(std::size_t(map.width) * std::size_t(map.height), kNone),
-      offset_m_(patchOf_.size(), glm::vec3(0.0f)),
-      moments_(mesh.patches.size()) {
+TexelPatches::TexelPatches(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap& texels, const Run& run)
+    : patch(std::size_t(map.width) * std::size_t(map.height), kNone), position_m(patch.size(), glm::vec3(0.0f)) {
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t tileIndex) {
     const TexelTile tile = texels.texels(tileIndex);
     for (int y = 0; y < tile.height; ++y)
@@ -25,14 +23,34 @@ Slopes::Slopes(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, 
         if (tile.at(x, y).fragmentCount == 0) continue;
         const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
         const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(map.width) + std::size_t(tile.x0 + x);
-        patchOf_[i] = mesh.patchAt(p.triangle, p.bary, true);
-        if (patchOf_[i] != kNone) offset_m_[i] = glm::vec3(p.position_m - mesh.patches[patchOf_[i]].centre_m);
+        patch[i] = mesh.patchAt(p.triangle, p.bary, true);
+        position_m[i] = glm::vec3(p.position_m);
       }
   });
+}
+
+PatchGroups singlePatches(const PatchMesh& mesh) {
+  PatchGroups out{std::vector<std::uint32_t>(mesh.patches.size()), std::uint32_t(mesh.patches.size())};
+  std::iota(out.of.begin(), out.of.end(), 0u);
+  return out;
+}
+
+Slopes::Slopes(const PatchMesh& mesh, const DirectMap& map, const TexelPatches& texels, const PatchGroups& groups)
+    : mesh_(mesh), texels_(texels), groups_(groups), centre_m_(groups.count, glm::dvec3(0.0)), moments_(groups.count) {
+  std::vector<double> area(groups.count, 0.0);
+  for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
+    // A patch that is all buried still has a place.
+    const double a = std::max(mesh.patches[i].area_m2, 1e-9 * mesh.patches[i].radius_m * mesh.patches[i].radius_m);
+    centre_m_[groups.of[i]] += a * mesh.patches[i].centre_m;
+    area[groups.of[i]] += a;
+  }
+  for (std::size_t g = 0; g < area.size(); ++g)
+    if (area[g] > 0.0) centre_m_[g] /= area[g];
   std::unordered_set<std::uint64_t> known;
   const auto meet = [&](std::size_t i, std::size_t k) {
-    const std::uint32_t a = patchOf_[i], b = patchOf_[k];
-    if (a == b || a == kNone || b == kNone || map.chart[i] != map.chart[k]) return;
+    if (texels.patch[i] == kNone || texels.patch[k] == kNone || map.chart[i] != map.chart[k]) return;
+    const std::uint32_t a = groups.of[texels.patch[i]], b = groups.of[texels.patch[k]];
+    if (a == b) return;
     if (known.insert((std::uint64_t(std::min(a, b)) << 32) | std::max(a, b)).second) pairs_.push_back({a, b});
   };
   for (int y = 0; y < map.height; ++y)
@@ -43,9 +61,9 @@ Slopes::Slopes(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, 
     }
   std::vector<glm::dmat3> sums(moments_.size(), glm::dmat3(0.0));
   for (const auto& [a, b] : pairs_) {
-    const glm::dmat3 m = glm::outerProduct(towards(a, b), towards(a, b));
-    sums[a] += m;
-    sums[b] += m;
+    const glm::dvec3 d = centre_m_[b] - centre_m_[a];
+    sums[a] += glm::outerProduct(d, d);
+    sums[b] += glm::outerProduct(d, d);
   }
   for (std::size_t i = 0; i < sums.size(); ++i) {
     const double trace = sums[i][0][0] + sums[i][1][1] + sums[i][2][2];
@@ -53,21 +71,37 @@ Slopes::Slopes(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, 
   }
 }
 
-std::vector<Rgb> Slopes::overTexels(const std::vector<Rgb>& ofPatches) const {
-  std::vector<glm::dmat3> right(ofPatches.size(), glm::dmat3(0.0));
+std::vector<Rgb> Slopes::means(const std::vector<Rgb>& ofPatches) const {
+  std::vector<glm::dvec3> sum(groups_.count, glm::dvec3(0.0));
+  std::vector<double> area(groups_.count, 0.0);
+  std::vector<Rgb> out(groups_.count, Rgb(0.0f));
+  for (std::size_t i = ofPatches.size(); i-- > 0;) {
+    const std::uint32_t g = groups_.of[i];
+    sum[g] += mesh_.patches[i].area_m2 * glm::dvec3(ofPatches[i]);
+    area[g] += mesh_.patches[i].area_m2;
+    out[g] = ofPatches[i];
+  }
+  for (std::size_t g = 0; g < out.size(); ++g)
+    if (area[g] > 0.0) out[g] = Rgb(sum[g] / area[g]);
+  return out;
+}
+
+std::vector<Rgb> Slopes::overTexels(const std::vector<Rgb>& ofGroups) const {
+  std::vector<glm::dmat3> right(ofGroups.size(), glm::dmat3(0.0));
   for (const auto& [a, b] : pairs_) {
-    const glm::dmat3 m = glm::outerProduct(towards(a, b), glm::dvec3(ofPatches[b]) - glm::dvec3(ofPatches[a]));
-    right[a] += m;  // both change sign from b to a
+    const glm::dmat3 m = glm::outerProduct(centre_m_[b] - centre_m_[a], glm::dvec3(ofGroups[b]) - glm::dvec3(ofGroups[a]));
+    right[a] += m;  // both factors change sign from b to a
     right[b] += m;
   }
-  std::vector<glm::mat3> slope(ofPatches.size(), glm::mat3(0.0f));  // change per metre, a column a channel
-  for (std::size_t i = 0; i < slope.size(); ++i)
-    if (moments_[i].known) slope[i] = glm::mat3(moments_[i].inverse * right[i]);
-  std::vector<Rgb> out(patchOf_.size(), Rgb(0.0f));
+  std::vector<glm::mat3> slope(ofGroups.size(), glm::mat3(0.0f));  // change per metre, a column a channel
+  for (std::size_t g = 0; g < slope.size(); ++g)
+    if (moments_[g].known) slope[g] = glm::mat3(moments_[g].inverse * right[g]);
+  std::vector<Rgb> out(texels_.patch.size(), Rgb(0.0f));
   for (std::size_t i = 0; i < out.size(); ++i) {
-    if (patchOf_[i] == kNone) continue;
-    const Rgb mean = ofPatches[patchOf_[i]];
-    out[i] = glm::clamp(mean + offset_m_[i] * slope[patchOf_[i]], Rgb(0.0f), 2.0f * mean);  // row vector: a product for each column
+    if (texels_.patch[i] == kNone) continue;
+    const std::uint32_t g = groups_.of[texels_.patch[i]];
+    const glm::vec3 offset_m = texels_.position_m[i] - glm::vec3(centre_m_[g]);
+    out[i] = glm::clamp(ofGroups[g] + offset_m * slope[g], Rgb(0.0f), 2.0f * ofGroups[g]);  // row vector: a product for each column
   }
   return out;
 }

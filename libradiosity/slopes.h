@@ -9,27 +9,41 @@
 
 namespace lmc {
 
-/// Slopes by least squares from the patches beside each other, which are those that meet in neighbour texels of a chart.
+/// Where the map's texels lie on patches.
+struct TexelPatches {
+  TexelPatches(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap&, const Run&);
+  std::vector<std::uint32_t> patch;   ///< under each texel's middle; kNone = not covered, or it reflects nothing
+  std::vector<glm::vec3> position_m;  ///< of the texel's middle
+};
+
+/// Groups of patches, for means over them: group 0.. of each patch.
+struct PatchGroups {
+  std::vector<std::uint32_t> of;
+  std::uint32_t count = 0;
+};
+
+PatchGroups singlePatches(const PatchMesh&);
+
+/// Slopes by least squares from the groups (or single patches) beside each other, which are those that meet in neighbour texels of a chart.
 class Slopes {
  public:
-  Slopes(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap&, const Run&);
+  Slopes(const PatchMesh&, const DirectMap&, const TexelPatches&, const PatchGroups&);
 
-  /// The patch under each texel's middle; kNone = not covered, or it reflects nothing.
-  const std::vector<std::uint32_t>& patchOf() const { return patchOf_; }
-
-  /// A value of patches at the texels' middles: mean and slope, between nothing and twice the mean. None where patchOf() is kNone.
-  std::vector<Rgb> overTexels(const std::vector<Rgb>& ofPatches) const;
+  /// Area means of a patch value over the groups; patches without area have their first one's.
+  std::vector<Rgb> means(const std::vector<Rgb>& ofPatches) const;
+  /// A value of groups at the texels' middles: mean and slope, between nothing and twice the mean. None where no patch is.
+  std::vector<Rgb> overTexels(const std::vector<Rgb>& ofGroups) const;
 
  private:
   struct Moment {
     glm::dmat3 inverse{0.0};  // of the sum of (to neighbour)(to neighbour)^T
     bool known = false;
   };
-  glm::dvec3 towards(std::uint32_t a, std::uint32_t b) const { return mesh_.patches[b].centre_m - mesh_.patches[a].centre_m; }
 
   const PatchMesh& mesh_;
-  std::vector<std::uint32_t> patchOf_;
-  std::vector<glm::vec3> offset_m_;  // from the patch's centre to the texel's middle
+  const TexelPatches& texels_;
+  const PatchGroups& groups_;
+  std::vector<glm::dvec3> centre_m_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
   std::vector<Moment> moments_;
 };

@@ -104,11 +104,11 @@ Baked bakeScene(const Scene& scene, const BakeSceneOptions& o) {
         out.solution = shoot(scene, tracer, mesh, light, {}, run);
       }
       const Bounced &first = out.solution.illuminance, &other = second.illuminance.empty() ? first : second.illuminance;
-      field = std::make_unique<Field>(scene, mesh, seen, &texels, light, std::array<const Bounced*, 2>{&first, &other}, nullptr, run);
+      field = std::make_unique<Field>(scene, mesh, seen, texels, light, std::array<const Bounced*, 2>{&first, &other}, nullptr, run);
     }
     if (field || strength(scene.sky) > 0.0f)
-      bakeHemisphere(out.map, scene, texels, tracer, Gather(scene, tracer, direct, field.get(), true, run.seed), {o.goal, o.interpolate},
-                     run);
+      bakeHemisphere(out.map, scene, texels, tracer, Gather(scene, tracer, direct, field.get(), true, run.seed),
+                     {o.goal, o.interpolate, out.solution.tail}, run);
     out.values = values(out.map, scene);
     out.ledger = ledger(out.map, scene, out.solution.tail, out.solution.tailEstimate);
     out.coverage = coverageOf(texels);

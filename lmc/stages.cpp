@@ -327,7 +327,7 @@ void solve(Bake& b) {
       b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
   }
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
-  b.field = std::make_unique<Field>(b.scene, b.patches, seen, b.texels.get(), b.patchLight,
+  b.field = std::make_unique<Field>(b.scene, b.patches, seen, *b.texels, b.patchLight,
                                     std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance},
                                     b.coarseSolution.empty() ? nullptr : &b.coarseSolution, b.run);
 }
@@ -338,7 +338,7 @@ void hemisphere(Bake& b) {
     return;
   }
   const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
-  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather, {b.options.goal, b.options.interpolate}, b.run);
+  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather, {b.options.goal, b.options.interpolate, b.tail()}, b.run);
   double rays = 0.0, texels = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     rays += 2.0 * b.map.rays[i];

@@ -144,6 +144,22 @@ TEST(MapCells, AStepIsCutDownToTheTexelsBesideIt) {
     }
 }
 
+TEST(MapCells, AnEdgeInAnyTexelIsCutDownToThatTexel) {
+  // The texel that holds the edge is half lit. In the very middle of a cell that looks straight at the first halving.
+  for (const bool alongX : {true, false})
+    for (int at = 9; at < 71; ++at) {
+      test::SceneBuilder s(1);
+      s.quad({0, 0, 4}, {4, 0, 0}, {0, 0, -4}, s.material(Rgb(0.5f)));
+      Map m(s.scene, 80);
+      const auto light = [&](int x, int y) {
+        const int along = alongX ? x : y;
+        return along < at ? 1.0 : along == at ? 0.5 : 0.0;
+      };
+      m.refine(light, 1e-3);
+      m.forOff(light, [&](std::size_t i, double off) { EXPECT_NEAR(off, 0.0, 1e-12) << at << ": " << m.x(i) << " " << m.y(i); });
+    }
+}
+
 TEST(MapCells, NoiseCutsNothing) {
   // Values that waver by their stated variance: a bend is one only above three times the noise's part.
   test::SceneBuilder s(1);
@@ -163,28 +179,30 @@ TEST(MapCells, NoiseCutsNothing) {
 }
 
 TEST(MapCells, WhatStandsBetweenCornersIsFound) {
-  // A board upright on the floor, on no line of cells: no texel may be interpolated from both of its sides.
-  for (const double z : {1.37, 2.0, 2.71}) {
-    test::SceneBuilder s(1);
-    const auto white = s.material(Rgb(0.5f));
-    s.quad({0, 0, 4}, {4, 0, 0}, {0, 0, -4}, white);  // texel (x, y) of 64 of 80: x along +x, y along -z
-    const std::size_t bare = Map(s.scene, 80).gathered();
-    s.quad({0.8f, 0, float(z)}, {2.5f, 0, 0}, {0, 1, 0}, white);
-    s.scene.objects[1].receive = false;
-    s.scene.objects[1].hasUv1 = false;
-    const Map m(s.scene, 80);
-    EXPECT_GT(m.gathered(), bare);
-    const auto zOf = [&](std::size_t i) { return 4.0 - (m.y(i) + 0.5 - 8.0) / 16.0; };
-    const auto xOf = [&](std::size_t i) { return (m.x(i) + 0.5 - 8.0) / 16.0; };
-    m.cells.forInterpolated([&](std::size_t i, const MapCells::Corners& corners, const MapCells::Weights& weights) {
-      if (xOf(i) < 0.8 || xOf(i) > 3.3) return;
-      for (std::size_t k = 0; k < 4; ++k)
-        // Feelers begin up to half a texel in from the corners: a board nearer to a corner than that is in its own texel.
-        if (weights[k] > 0.0 && std::abs(zOf(corners[k]) - z) > 0.5 / 16.0) {
-          EXPECT_EQ(zOf(corners[k]) > z, zOf(i) > z) << m.x(i) << " " << m.y(i) << ", board at " << z;
-        }
-    });
-  }
+  // A board upright on the floor, wherever it stands in a texel: no texel may be interpolated from both of its sides, nor from a texel that
+  // has light of both. Texel (x, y) of 64 of 80: x along +x, y along -z.
+  const double texel_m = 1.0 / 16.0;
+  for (int at = 9; at < 70; ++at)
+    for (const double within : {0.0, -0.4, 0.4}) {
+      const double z = 4.0 - (at + 0.5 - 8.0 + within) * texel_m;
+      test::SceneBuilder s(1);
+      const auto white = s.material(Rgb(0.5f));
+      s.quad({0, 0, 4}, {4, 0, 0}, {0, 0, -4}, white);
+      s.quad({0.8f, 0, float(z)}, {2.5f, 0, 0}, {0, 1, 0}, white);
+      s.scene.objects[1].receive = false;
+      s.scene.objects[1].hasUv1 = false;
+      const Map m(s.scene, 80);
+      const auto zOf = [&](std::size_t i) { return 4.0 - (m.y(i) + 0.5 - 8.0) * texel_m; };
+      const auto xOf = [&](std::size_t i) { return (m.x(i) + 0.5 - 8.0) * texel_m; };
+      m.cells.forInterpolated([&](std::size_t i, const MapCells::Corners& corners, const MapCells::Weights& weights) {
+        if (xOf(i) < 0.8 || xOf(i) > 3.3) return;
+        for (std::size_t k = 0; k < 4; ++k)
+          if (weights[k] > 0.0) {
+            EXPECT_EQ(zOf(corners[k]) > z, zOf(i) > z) << m.x(i) << " " << m.y(i) << ", board at " << z;
+            EXPECT_GT(std::abs(zOf(corners[k]) - z), 0.5 * texel_m) << m.x(i) << " " << m.y(i) << ", board at " << z;
+          }
+      });
+    }
 }
 
 TEST(MapCells, RectangularChartsStartWithoutLooseBorders) {
