@@ -65,7 +65,7 @@ PartitionOptions partitionOf(const std::string& text) {
     const std::string name = text.substr(at, comma == std::string::npos ? comma : comma - at);
     const auto rule = std::ranges::find(kRuleNames, name);
     if (rule == kRuleNames.end())
-      throw CLI::ValidationError("--partition", "'" + name + "' is not auto, all, none or one of facing, range, cells, empty, blocked");
+      throw CLI::ValidationError("--partition", "'" + name + "' is not auto, all, none or one of facing, cells, empty, blocked");
     out.on[std::size_t(rule - kRuleNames.begin())] = true;
     if (comma == std::string::npos) return out;
     at = comma + 1;
@@ -148,7 +148,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
   app->add_option_function<std::string>(
          "--partition", [&o](const std::string& t) { o.partition = partitionOf(t); },
          "what pairs of clusters are told without a ray, --solver hierarchical: auto, all, none or a list of "
-         "facing,range,cells,empty,blocked")
+         "facing,cells,empty,blocked")
       ->type_name("LIST");
   app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));

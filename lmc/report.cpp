@@ -23,17 +23,9 @@ Json linksOf(const Bake& b) {
     rules[kRuleNames[k]] = {
         {"on", c.on}, {"pairs_asked", c.asked}, {"settled", c.settled}, {"rays_saved", c.raysSaved}, {"seconds", c.seconds}};
   }
-  return {{"count", l.links},
-          {"bytes", l.bytes},
-          {"rays", l.rays},
-          {"pairs", l.pairs},
-          {"rounds", l.rounds},
-          {"threshold", l.threshold},
-          {"full", l.linksFull},
-          {"predicted_error", l.predictedError},
-          {"last_change", b.linkError},
-          {"out_of_range_share", l.droppedShare},
-          {"partition", rules}};
+  return {{"count", l.links},           {"bytes", l.bytes},         {"rays", l.rays},      {"pairs", l.pairs},
+          {"rounds", l.rounds},         {"threshold", l.threshold}, {"full", l.linksFull}, {"predicted_error", l.predictedError},
+          {"last_change", b.linkError}, {"partition", rules}};
 }
 }  // namespace
 

@@ -85,7 +85,7 @@ TEST_P(Scenes, NoRuleSettlesAPairFalsely) {
   PatchMesh mesh = makePatches(scene, {.size_m = 0.6}, run);
   exposePatches(mesh, scene, tracer, run);
   const ClusterTree tree = makeClusters(scene, mesh, run);
-  const Partition partition(scene, mesh, tree, tracer, run);
+  const Partition partition(scene, mesh, tree, tracer, {}, run);
   const Sobol4 pairs(1), ends(2);
   std::array<std::uint64_t, kRules> settled{}, wrong{};
   std::uint64_t rays = 0;
