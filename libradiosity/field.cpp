@@ -150,28 +150,27 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
 }
 
 Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap* texels, const PatchLight& light,
-             std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run)
+             std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run, bool compact)
     : scene_(scene), mesh_(mesh), map_(map), uvs_(scene.triangles.size()) {
   std::uint32_t count = 0;
   const std::vector<std::uint32_t> group = coarseGroups(mesh, count);
   const std::vector<Rgb> coarseDirect = groupMeans(mesh, group, count, light.direct);
-  std::array<std::vector<Rgb>, 2> indirect, coarseIndirect;  // sky and bounces
+  std::array<std::vector<Rgb>, 2> indirect;  // sky and bounces
   for (std::size_t h = 0; h < 2; ++h) {
     indirect[h] = *solutions[h];
     for (std::size_t i = 0; i < indirect[h].size(); ++i) indirect[h][i] += light.sky[i];
     if (coarser) {
-      coarseIndirect[h] = *coarser;
-      for (std::size_t i = 0; i < coarser->size(); ++i) coarseIndirect[h][i] += light.sky[i];
+      coarseIndirect_[h] = *coarser;
+      for (std::size_t i = 0; i < coarser->size(); ++i) coarseIndirect_[h][i] += light.sky[i];
     }
-    coarseIndirect[h] = groupMeans(mesh, group, count, coarser ? coarseIndirect[h] : indirect[h]);
+    coarseIndirect_[h] = groupMeans(mesh, group, count, coarser ? coarseIndirect_[h] : indirect[h]);
     for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
       const Rgb rho = mesh.patches[i].reflectance;
       patches_[h].push_back(
-          {rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect[h][i]), mesh.patches[i].size_m});
+          {rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect_[h][i]), mesh.patches[i].size_m});
     }
   }
   if (!texels || !map) return;
-  for (auto& t : texels_) t.resize(std::size_t(map.width) * std::size_t(map.height));
   const glm::vec2 size(map.width, map.height);
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
     if (!scene.objectOf(t).receive || !scene.objectOf(t).hasUv1) continue;
@@ -181,17 +180,23 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
   }
   const Slopes slopes(scene, mesh, map, *texels, run);
   for (std::size_t h = 0; h < 2; ++h) {
-    const std::vector<Rgb> fine = slopes.overTexels(indirect[h]);
-    for (std::size_t i = 0; i < fine.size(); ++i) {
-      const std::uint32_t id = slopes.patchOf()[i];
-      if (id == kNone) continue;
-      const Patch& p = mesh.patches[id];
-      // The coarse copy lies as flat as patches do: what slopes mend is a measure of what they leave.
-      texels_[h][i] = {
-          {p.reflectance * (map.illuminance[i] + fine[i]), p.reflectance * (map.illuminance[i] + coarseIndirect[h][id]), p.size_m},
-          map.chart[i]};
+    std::vector<Rgb> fine = slopes.overTexels(indirect[h]);
+    if (compact) {
+      fine_[h] = std::move(fine);
+      continue;
     }
+    texels_[h].resize(fine.size());
+    for (std::size_t i = 0; i < fine.size(); ++i)
+      if (const std::uint32_t id = slopes.patchOf()[i]; id != kNone) texels_[h][i] = {seenAt(i, id, h, fine[i]), map.chart[i]};
   }
+  if (compact) patchOf_ = slopes.patchOf();
+}
+
+/// The coarse copy lies as flat as patches do: what slopes mend is a measure of what they leave.
+Field::Seen Field::seenAt(std::size_t texel, std::uint32_t patch, std::size_t half, const Rgb& fine) const {
+  const Patch& p = mesh_.patches[patch];
+  const Rgb& direct = map_.illuminance[texel];
+  return {p.reflectance * (direct + fine), p.reflectance * (direct + coarseIndirect_[half][patch]), p.size_m};
 }
 
 Field::Seen Field::at(const Hit& hit, int half) const {
@@ -199,8 +204,12 @@ Field::Seen Field::at(const Hit& hit, int half) const {
   if (const TriangleUv& t = uvs_[hit.triangle]; hit.front && t.chart != kNone) {
     const glm::vec2 uv = t.corner + hit.bary.x * t.e1 + hit.bary.y * t.e2;
     const int x = std::clamp(int(std::floor(uv.x)), 0, map_.width - 1), y = std::clamp(int(std::floor(uv.y)), 0, map_.height - 1);
-    const TexelSeen& texel = texels_[h][std::size_t(y) * std::size_t(map_.width) + std::size_t(x)];
-    if (texel.chart == t.chart) return texel.seen;  // else another chart has the texel
+    const std::size_t i = std::size_t(y) * std::size_t(map_.width) + std::size_t(x);
+    if (!texels_[h].empty()) {
+      if (texels_[h][i].chart == t.chart) return texels_[h][i].seen;  // else another chart has the texel
+    } else if (map_.chart[i] == t.chart && patchOf_[i] != kNone) {
+      return seenAt(i, patchOf_[i], h, fine_[h][i]);
+    }
   }
   const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
   return id == kNone ? Seen{} : patches_[h][id];

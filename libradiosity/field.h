@@ -44,9 +44,10 @@ using Bounced = std::vector<Rgb>;
 class Field {
  public:
   /// `coarser`: a solution that the coarse copy is made of instead (links of the round before); may be nullptr.
+  /// `compact`: what texels show is put together at each hit, in 28 bytes a texel instead of 64; the same bits.
   /// `texels` are those of the map; without a map (tests) patches alone are read.
   Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap*, const PatchLight&, std::array<const Bounced*, 2> solutions,
-        const Bounced* coarser, const Run&);
+        const Bounced* coarser, const Run&, bool compact = false);
   struct Seen {
     Rgb exitance{0.0f};   ///< B [lm/m^2]; emitted light is not in it
     Rgb coarse{0.0f};     ///< the same from patches twice the size
@@ -76,6 +77,11 @@ class Field {
   std::vector<TriangleUv> uvs_;
   std::array<std::vector<Seen>, 2> patches_;  // of each half
   std::array<std::vector<TexelSeen>, 2> texels_;
+  Seen seenAt(std::size_t texel, std::uint32_t patch, std::size_t half, const Rgb& fine) const;
+  std::array<std::vector<Rgb>, 2> coarseIndirect_;  // of patches; sky and bounces
+  // Compact, instead of texels_:
+  std::vector<std::uint32_t> patchOf_;
+  std::array<std::vector<Rgb>, 2> fine_;
 };
 
 }  // namespace lmc

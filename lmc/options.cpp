@@ -7,6 +7,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "lmc/memory.h"
+
 namespace lmc {
 
 namespace {
@@ -188,6 +190,16 @@ Command parseCommandLine(int argc, const char* const* argv) {
           "also write what was made on the way: patches (patches.obj, patches.png: patches in the map's layout, the finer the brighter)")
       ->check(CLI::IsMember({"patches"}))
       ->type_name("WHAT");
+  bakeApp
+      ->add_option_function<std::string>(
+          "--memory",
+          [&bake](const std::string& t) {
+            const auto bytes = bytesOf(t);
+            if (!bytes) throw CLI::ValidationError("--memory", "'" + t + "' is not a size such as 512M or 2G");
+            bake.memory_bytes = *bytes;
+          },
+          "limit such as 512M or 2G [default: what the machine has]; never changes a result, exit code 8 where less than the least")
+      ->type_name("SIZE");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp
