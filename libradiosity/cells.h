@@ -25,14 +25,10 @@ class Cells {
   /// `rounding_m`: what float vertices and the starts of rays may be off by. Cracks up to twice as wide are closed, wider ones are portals.
   Cells(const Scene&, double rounding_m);
 
-  std::size_t count() const { return count_; }
-  const std::vector<Portal>& portals() const { return portals_; }
   std::size_t words() const { return (count_ + 63) / 64; }  ///< of a set of cells, a bit each
 
   /// Adds the cells into which a triangle looks, to the side from which its corners run counter-clockwise.
   void addCellsOf(const std::array<glm::dvec3, 3>& corners, std::span<std::uint64_t> cells) const;
-  /// Whether a ray from one cell may get to the other; both ways alike.
-  bool maySee(std::uint32_t a, std::uint32_t b) const { return (sight_[a * words() + b / 64] >> (b % 64) & 1u) != 0; }
   /// All that may be seen from any of these cells.
   void addSeen(std::span<const std::uint64_t> from, std::span<std::uint64_t> seen) const;
 
@@ -48,7 +44,7 @@ class Cells {
   std::size_t count_ = 0;
   std::vector<Node> nodes_;  // the first is the root; none where nothing is cut
   std::vector<Portal> portals_;
-  std::vector<std::uint64_t> sight_;  // rows of words()
+  std::vector<std::uint64_t> sight_;  // rows of words(): a bit for each cell that may be seen, both ways alike
 };
 
 }  // namespace lmc

@@ -45,7 +45,6 @@ class Partition {
   bool blockedShaft(const Cluster&, const Cluster&) const;
 
   std::size_t occluders() const { return occluders_.size(); }
-  const Cells& cells() const { return cells_; }
   /// Whether some two patches are apart; else the rule has nothing to say.
   bool hasRooms() const { return !sets_.empty(); }
 
