@@ -88,10 +88,10 @@ int main(int argc, char** argv) {
         seconds, s.stats.links, double(s.stats.links) / double(n), s.stats.pairs, tracer.rays(Purpose::Visibility) - rays, s.stats.bytes,
         double(s.stats.bytes) / double(std::max<std::uint64_t>(1, s.stats.links)), s.stats.rounds, s.fine.passes);
     fmt::print(
-        "  link error {:.4f} (predicted {:.4f}), closure off by {:.4f}, tail {:.2g}, balance {:.2g}, dropped {:.2g}, threshold {:.3g}{}, "
+        "  link error {:.4f} (predicted {:.4f}), closure off by {:.4f}, tail {:.2g}, balance {:.2g}, threshold {:.3g}{}, "
         "peak {} MB\n",
-        s.linkError, s.stats.predictedError, s.closureError, s.fine.tail, s.fine.energy.imbalance(), s.stats.droppedShare,
-        s.stats.threshold, s.stats.linksFull ? " (links full)" : "", peakBytes() >> 20);
+        s.linkError, s.stats.predictedError, s.closureError, s.fine.tail, s.fine.energy.imbalance(), s.stats.threshold,
+        s.stats.linksFull ? " (links full)" : "", peakBytes() >> 20);
     for (std::size_t r = 0; r < kRules; ++r) {
       const RuleCount& c = s.stats.rules[r];
       fmt::print("  {:8} {:4} asked {:9} settled {:9} rays saved {:9} {:.3f} s\n", kRuleNames[r], c.on ? "on" : "off", c.asked, c.settled,

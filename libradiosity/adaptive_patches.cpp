@@ -31,7 +31,12 @@ std::vector<Rgb> indirectOf(const Scene& scene, const Tracer& tracer, const Dire
   for (std::size_t i = 0; i < bounced.size(); ++i) light.sky[i] += bounced[i];
   const TexelPatches places(scene, mesh, map, texels, run);
   const PatchGroups single = singlePatches(mesh);
-  return Slopes(mesh, map, places, single).overTexels(light.sky);
+  const Slopes slopes(mesh, map, places, single);
+  const Sloped indirect = slopes.of(std::move(light.sky));
+  std::vector<Rgb> out(places.patch.size(), Rgb(0.0f));
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (places.patch[i] != kNone) out[i] = slopes.at(indirect, i);
+  return out;
 }
 
 }  // namespace

@@ -136,12 +136,35 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
   return out;
 }
 
+struct Field::Parts {
+  Parts(const Scene& scene, const PatchMesh& patchMesh, const DirectMap& map, const TexelMap& texels, const Run& run)
+      : mesh(patchMesh),
+        illuminance(map.illuminance),
+        places(scene, patchMesh, map, texels, run),
+        single(singlePatches(patchMesh)),
+        group(coarseGroups(patchMesh)),
+        fine(patchMesh, map, places, single),
+        coarse(patchMesh, map, places, group) {}
+  /// Of a texel that has a patch: the patch under its middle, with the texel's own direct light.
+  Seen at(std::size_t texel, std::size_t half) const {
+    const Patch& p = mesh.patches[places.patch[texel]];
+    const Rgb& direct = illuminance[texel];
+    return {p.reflectance * (direct + fine.at(fineLight[half], texel)), p.reflectance * (direct + coarse.at(coarseLight[half], texel)),
+            p.size_m};
+  }
+  const PatchMesh& mesh;
+  const Rgb* illuminance;
+  TexelPatches places;
+  PatchGroups single, group;
+  Slopes fine, coarse;
+  std::array<Sloped, 2> fineLight, coarseLight;  // sky and bounces, of each half
+};
+
+Field::~Field() = default;
+
 Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap& texels, const PatchLight& light,
-             std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run)
+             std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run, bool compact)
     : scene_(scene), mesh_(mesh), map_(map), uvs_(scene.triangles.size()) {
-  const TexelPatches places(scene, mesh, map, texels, run);
-  const PatchGroups single = singlePatches(mesh), group = coarseGroups(mesh);
-  const Slopes fine(mesh, map, places, single), coarse(mesh, map, places, group);
   const glm::vec2 size(map.width, map.height);
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
     if (!scene.objectOf(t).receive || !scene.objectOf(t).hasUv1) continue;
@@ -149,28 +172,29 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
     uvs_[t] = {size * scene.uv1[v.x], size * (scene.uv1[v.y] - scene.uv1[v.x]), size * (scene.uv1[v.z] - scene.uv1[v.x]),
                map.charts->chartOf[t]};
   }
-  const std::vector<Rgb> coarseDirect = coarse.means(light.direct);
+  parts_ = std::make_unique<Parts>(scene, mesh, map, texels, run);
+  const auto withSky = [&](Bounced b) {
+    for (std::size_t i = 0; i < b.size(); ++i) b[i] += light.sky[i];
+    return b;
+  };
+  const std::vector<Rgb> coarseDirect = parts_->coarse.means(light.direct);
   for (std::size_t h = 0; h < 2; ++h) {
-    const auto withSky = [&](Bounced b) {
-      for (std::size_t i = 0; i < b.size(); ++i) b[i] += light.sky[i];
-      return b;
-    };
-    const Bounced indirect = withSky(*solutions[h]);
-    const std::vector<Rgb> coarseIndirect = coarse.means(coarser ? withSky(*coarser) : indirect);
+    parts_->fineLight[h] = parts_->fine.of(withSky(*solutions[h]));
+    parts_->coarseLight[h] = parts_->coarse.of(parts_->coarse.means(withSky(coarser ? *coarser : *solutions[h])));
     for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
       const Patch& p = mesh.patches[i];
-      patches_[h].push_back({p.reflectance * (light.direct[i] + indirect[i]),
-                             p.reflectance * (coarseDirect[group.of[i]] + coarseIndirect[group.of[i]]), p.size_m});
-    }
-    const std::vector<Rgb> fineAt = fine.overTexels(indirect), coarseAt = coarse.overTexels(coarseIndirect);
-    texels_[h].resize(fineAt.size());
-    for (std::size_t i = 0; i < fineAt.size(); ++i) {
-      if (places.patch[i] == kNone) continue;
-      const Patch& p = mesh.patches[places.patch[i]];
-      texels_[h][i] = {{p.reflectance * (map.illuminance[i] + fineAt[i]), p.reflectance * (map.illuminance[i] + coarseAt[i]), p.size_m},
-                       map.chart[i]};
+      const std::uint32_t g = parts_->group.of[i];
+      patches_[h].push_back({p.reflectance * (light.direct[i] + parts_->fineLight[h].mean[i]),
+                             p.reflectance * (coarseDirect[g] + parts_->coarseLight[h].mean[g]), p.size_m});
     }
   }
+  if (compact) return;
+  for (std::size_t h = 0; h < 2; ++h) {
+    texels_[h].resize(parts_->places.patch.size());
+    for (std::size_t i = 0; i < texels_[h].size(); ++i)
+      if (parts_->places.patch[i] != kNone) texels_[h][i] = {parts_->at(i, h), map.chart[i]};
+  }
+  parts_.reset();
 }
 
 Field::Seen Field::at(const Hit& hit, int half) const {
@@ -178,8 +202,13 @@ Field::Seen Field::at(const Hit& hit, int half) const {
   if (const TriangleUv& t = uvs_[hit.triangle]; hit.front && t.chart != kNone) {
     const glm::vec2 uv = t.corner + hit.bary.x * t.e1 + hit.bary.y * t.e2;
     const int x = std::clamp(int(std::floor(uv.x)), 0, map_.width - 1), y = std::clamp(int(std::floor(uv.y)), 0, map_.height - 1);
-    const TexelSeen& texel = texels_[h][std::size_t(y) * std::size_t(map_.width) + std::size_t(x)];
-    if (texel.chart == t.chart) return texel.seen;  // else another chart has the texel
+    const std::size_t i = std::size_t(y) * std::size_t(map_.width) + std::size_t(x);
+    // Else another chart has the texel.
+    if (!parts_) {
+      if (texels_[h][i].chart == t.chart) return texels_[h][i].seen;
+    } else if (map_.chart[i] == t.chart && parts_->places.patch[i] != kNone) {
+      return parts_->at(i, h);
+    }
   }
   const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);
   return id == kNone ? Seen{} : patches_[h][id];

@@ -1,6 +1,7 @@
 #pragma once
 /// The light on patches, and what a ray that hits one of them brings back.
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "libradiosity/direct.h"
@@ -44,9 +45,10 @@ using Bounced = std::vector<Rgb>;
 class Field {
  public:
   /// `coarser`: a solution that the coarse copy is made of instead (links of the round before); may be nullptr.
-  /// `texels` are those of the map.
+  /// `compact`: what texels show is put together at each hit, in 16 bytes a texel instead of 64; the same bits.
   Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap&, const PatchLight&, std::array<const Bounced*, 2> solutions,
-        const Bounced* coarser, const Run&);
+        const Bounced* coarser, const Run&, bool compact = false);
+  ~Field();
   struct Seen {
     Rgb exitance{0.0f};   ///< B [lm/m^2]; emitted light is not in it
     Rgb coarse{0.0f};     ///< the same from patches twice the size
@@ -74,8 +76,10 @@ class Field {
     std::uint32_t chart = kNone;
   };
   std::vector<TriangleUv> uvs_;
-  std::array<std::vector<Seen>, 2> patches_;  // of each half
-  std::array<std::vector<TexelSeen>, 2> texels_;
+  std::array<std::vector<Seen>, 2> patches_;      // of each half
+  std::array<std::vector<TexelSeen>, 2> texels_;  // empty when compact
+  struct Parts;                                   // of what texels show
+  std::unique_ptr<Parts> parts_;                  // compact only
 };
 
 }  // namespace lmc

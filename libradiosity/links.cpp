@@ -26,13 +26,12 @@ constexpr double kCurvature = 1.0;  // of the slope's square: four places cannot
 constexpr float kFlat = 0.9f;       // cosine of a normal cone's half angle: in wider ones some patches face the other side and some do not
 constexpr double kTouching = 0.2;   // form factor of squares that meet at a right angle
 constexpr float kMostSlope = 0.9f;  // so that no place of the cluster gets less than nothing
-constexpr double kRange = 1e-3;     // of the threshold's root: light that is not followed
 constexpr float kDarkFloor = 0.1f;  // a dark source counts as this share of what is around the receiver: closure needs its factor, too
 
 // What a question costs, in rays; from links_bench. Only these decide whether a rule pays: a clock must not change bytes.
-constexpr std::array<double, kRules> kCostInRays{0.05, 0.02, 0.02, 3.0, 0.6};
+constexpr std::array<double, kRules> kCostInRays{0.05, 0.02, 3.0, 0.6};
 constexpr double kRaysOfBlockedPair = 16.0;  // with those of its parts, which are not looked at any more
-constexpr std::uint64_t kProbe = 1000;
+constexpr double kProbeRays = 3000.0;  // what a rule may cost before it is judged: the first pairs are whole rooms, which nothing settles
 
 // Relative errors in a byte, by their logarithm: 2^-7 to 2^9.
 std::uint8_t storedError(double e) { return std::uint8_t(std::clamp(std::lround((std::log2(std::max(e, 1e-9)) + 7.0) * 16.0), 0l, 255l)); }
@@ -69,8 +68,7 @@ struct LinkSet::Outcome {
   std::uint32_t raysSaved = 0;
   std::uint32_t rays = 0;
   Link link;
-  double error = 0.0;    // squared, that cutting could mend
-  double dropped = 0.0;  // power bound
+  double error = 0.0;  // squared, that cutting could mend
 };
 
 LinkSet::LinkSet(const Scene& scene, const PatchMesh& mesh, const ClusterTree& tree, const Tracer& tracer, const PartitionOptions& options,
@@ -79,11 +77,12 @@ LinkSet::LinkSet(const Scene& scene, const PatchMesh& mesh, const ClusterTree& t
       mesh_(mesh),
       tree_(tree),
       tracer_(tracer),
-      partition_(scene, mesh, tree, tracer, run),
+      partition_(scene, mesh, tree, tracer, options, run),
       options_(options),
       maxLinks_(std::max<std::uint64_t>(maxLinks, 1)),
       run_(run) {
   for (std::size_t r = 0; r < kRules; ++r) stats_.rules[r].on = options.on[r];
+  if (!partition_.hasRooms()) stats_.rules[std::size_t(Rule::Cells)].on = false;  // nothing to ask
 }
 
 /// Unoccluded exchange, its slopes and what they leave, from the kernel between 4 x 4 places.
@@ -262,19 +261,8 @@ LinkSet::Outcome LinkSet::judge(const Pair& pair, const std::vector<NodeLight>& 
   bool horizon = false;  // parts of one are behind the other
   if (!pair.old) {
     if (ask(Rule::Facing, [&] { return partition_.averted(a, b); })) return out;
-    if (ask(Rule::Cells, [&] { return partition_.apart(link.a, link.b); })) return out;
-    double most = 0.0;
-    const auto outOfRange = [&] {
-      double gap2 = 0.0;
-      for (int k = 0; k < 3; ++k) {
-        const double g = std::max({0.0, double(a.lo_m[k]) - double(b.hi_m[k]), double(b.lo_m[k]) - double(a.hi_m[k])});
-        gap2 += g * g;
-      }
-      most = gap2 > 0.0 ? a.area_m2 * b.area_m2 / (kPi * gap2) : std::numeric_limits<double>::infinity();
-      return most * most * (sourceA + sourceB) < kRange * kRange * threshold;
-    };
-    if (ask(Rule::Range, outOfRange)) {
-      out.dropped = most * (double(Ba) + double(Bb));
+    if (ask(Rule::Cells, [&] { return partition_.apart(link.a, link.b); })) {
+      out.raysSaved = std::uint32_t(kRaysOfBlockedPair);
       return out;
     }
     if (ask(Rule::Blocked, [&] { return partition_.blockedShaft(a, b); })) {
@@ -349,7 +337,7 @@ double LinkSet::refine(const std::vector<NodeLight>& light, double threshold) {
   std::vector<Outcome> outcomes;
   std::vector<Pair> next;
   LinkStats stats = stats_;
-  double error = 0.0, dropped = stats_.droppedShare;
+  double error = 0.0;
   Run quiet = run_;
   quiet.onProgress = {};
   constexpr std::size_t kAtOnce = 1 << 16;
@@ -367,9 +355,9 @@ double LinkSet::refine(const std::vector<NodeLight>& light, double threshold) {
           stats.rules[r].asked += o.asked >> r & 1u;
           stats.rules[r].settled += o.settled >> r & 1u;
         }
-        if ((o.settled >> unsigned(Rule::Blocked) & 1u) != 0) stats.rules[std::size_t(Rule::Blocked)].raysSaved += o.raysSaved;
+        for (const Rule rule : {Rule::Cells, Rule::Blocked})
+          if ((o.settled >> unsigned(rule) & 1u) != 0) stats.rules[std::size_t(rule)].raysSaved += o.raysSaved;
         if (o.what == Outcome::What::Keep && o.empty) stats.rules[std::size_t(Rule::Empty)].raysSaved += o.raysSaved;
-        dropped += o.dropped;
         Pair child;
         child.link.a = o.link.a;
         child.link.b = o.link.b;
@@ -405,9 +393,10 @@ double LinkSet::refine(const std::vector<NodeLight>& light, double threshold) {
       // Every open pair may become a link; only what is kept counts, so that the limit is met by links and not by guesses.
       if (kept.size() > maxLinks_) return -1.0;
       if (options_.automatic)
-        for (const Rule rule : {Rule::Empty, Rule::Blocked}) {
+        for (const Rule rule : {Rule::Cells, Rule::Empty, Rule::Blocked}) {
           const RuleCount& c = stats.rules[std::size_t(rule)];
-          if (c.on && c.asked >= kProbe && double(c.raysSaved) < double(c.asked) * kCostInRays[std::size_t(rule)])
+          const double cost = double(c.asked) * kCostInRays[std::size_t(rule)];
+          if (c.on && cost >= kProbeRays && double(c.raysSaved) < cost)
             stats.rules[std::size_t(rule)].on = stats_.rules[std::size_t(rule)].on = false;
         }
     }
@@ -421,7 +410,6 @@ double LinkSet::refine(const std::vector<NodeLight>& light, double threshold) {
   stats.links = links_.size();
   stats.bytes = links_.size() * sizeof(Link);
   stats.threshold = threshold;
-  stats.droppedShare = dropped;
   ++stats.rounds;
   stats_ = stats;
   return error;

@@ -38,7 +38,6 @@ struct LinkStats {
   std::uint64_t pairs = 0;      ///< looked at
   double threshold = 0.0;       ///< of a link's squared error, reached [m^2]
   double predictedError = 0.0;  ///< relative RMS error that the links' own bounds add up to
-  double droppedShare = 0.0;    ///< bound of the power of pairs out of range, of all
   bool linksFull = false;       ///< maxLinks kept the threshold up
   int rounds = 0;
   std::array<RuleCount, kRules> rules;

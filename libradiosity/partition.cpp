@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "libradiosity/visibility.h"
 #include "libscene/constants.h"
@@ -19,6 +20,7 @@ constexpr double kLeastOccluder = 1e-4;     // of the level's area
 constexpr std::uint32_t kOccluderPatches = 4096;
 constexpr int kVisits = 64;  // nodes that an empty shaft may cost
 constexpr std::uint32_t kOccluderChecks = 64;
+constexpr std::size_t kMostSets = 65536;  // of cells, of different nodes; further ones count as looking everywhere
 
 double supportOfBox(const Cluster& c, const glm::dvec3& d) {
   double s = 0.0;
@@ -128,16 +130,26 @@ double areaOf(const std::vector<glm::dvec2>& p) {
 
 }  // namespace
 
-Partition::Partition(const Scene& scene, const PatchMesh& mesh, const ClusterTree& tree, const Tracer& tracer, const Run& run)
+Partition::Partition(const Scene& scene, const PatchMesh& mesh, const ClusterTree& tree, const Tracer& tracer,
+                     const PartitionOptions& options, const Run& run)
     : tree_(tree), slack_m_(kSlackUlps * double(scene.extent_m) * 0x1p-23) {
-  (void)run;
-  findOccluders(scene, mesh, tracer);
-  findCells(scene, mesh);
+  if (options.on[std::size_t(Rule::Blocked)]) findOccluders(scene, mesh, tracer);
+  if (options.on[std::size_t(Rule::Cells)]) {
+    cells_ = Cells(scene, double(tracer.lift_m()));
+    findRooms(scene, mesh, run);
+  }
 }
 
 bool Partition::averted(const Cluster& a, const Cluster& b) const { return behind(a, b, slack_m_) || behind(b, a, slack_m_); }
 
-bool Partition::apart(std::uint32_t a, std::uint32_t b) const { return cells_ > 1 && (cellsOf_[a] & cellsOf_[b]) == 0; }
+bool Partition::apart(std::uint32_t a, std::uint32_t b) const {
+  if (sets_.empty()) return false;
+  const std::size_t words = cells_.words();
+  const std::uint64_t *seen = &sets_[(2 * std::size_t(setOf_[a]) + 1) * words], *there = &sets_[2 * std::size_t(setOf_[b]) * words];
+  for (std::size_t w = 0; w < words; ++w)
+    if ((seen[w] & there[w]) != 0) return false;
+  return true;
+}
 
 bool Partition::emptyShaft(const Cluster& a, const Cluster& b) const {
   const Shaft shaft(a, b);
@@ -267,6 +279,50 @@ bool Partition::blockedShaft(const Cluster& a, const Cluster& b) const {
   return false;
 }
 
-void Partition::findCells(const Scene&, const PatchMesh&) {}
+void Partition::findRooms(const Scene& scene, const PatchMesh& mesh, const Run& run) {
+  const std::size_t words = cells_.words();
+  if (words == 0 || tree_.nodes.empty()) return;
+  using Set = std::vector<std::uint64_t>;
+  std::vector<Set> looked(mesh.patches.size(), Set(words, 0));
+  Run quiet = run;
+  quiet.onProgress = {};
+  parallelFor(quiet, mesh.patches.size(), 64, [&](std::size_t i) {
+    const Patch& p = mesh.patches[i];
+    for (std::uint32_t l = 0; l < p.leafCount; ++l) cells_.addCellsOf(leafCorners(scene, mesh.leaves[p.firstLeaf + l], p.back), looked[i]);
+  });
+  // Most nodes share their set with many others.
+  std::map<Set, std::uint32_t> number;
+  std::vector<const Set*> sets;
+  Set everywhere(words, 0);
+  for (const Set& s : looked)
+    for (std::size_t w = 0; w < words; ++w) everywhere[w] |= s[w];
+  const auto numberOf = [&](const Set& s) {
+    if (sets.size() >= kMostSets && !number.contains(s)) return number.at(everywhere);
+    const auto [it, isNew] = number.try_emplace(s, std::uint32_t(sets.size()));
+    if (isNew) sets.push_back(&it->first);
+    return it->second;
+  };
+  numberOf(everywhere);
+  setOf_.resize(tree_.nodes.size());
+  for (std::size_t id = tree_.nodes.size(); id-- > 0;) {
+    const Cluster& n = tree_.nodes[id];
+    if (n.isLeaf()) {
+      setOf_[id] = numberOf(looked[tree_.patchOf(n)]);
+      continue;
+    }
+    Set both = *sets[setOf_[n.child]];
+    for (std::size_t w = 0; w < words; ++w) both[w] |= (*sets[setOf_[n.child + 1]])[w];
+    setOf_[id] = numberOf(both);
+  }
+  bool apartSomewhere = false;
+  for (const Set* s : sets) {
+    Set seen(words, 0);
+    cells_.addSeen(*s, seen);
+    for (std::size_t w = 0; w < words; ++w) apartSomewhere = apartSomewhere || (everywhere[w] & ~seen[w]) != 0;
+    sets_.insert(sets_.end(), s->begin(), s->end());
+    sets_.insert(sets_.end(), seen.begin(), seen.end());
+  }
+  if (!apartSomewhere) sets_.clear();
+}
 
 }  // namespace lmc

@@ -7,17 +7,18 @@
 #include <string_view>
 #include <vector>
 
+#include "libradiosity/cells.h"
 #include "libradiosity/cluster_tree.h"
 #include "libscene/tracer.h"
 
 namespace lmc {
 
-enum class Rule : std::uint8_t { Facing, Range, Cells, Empty, Blocked };
-inline constexpr std::size_t kRules = 5;
-inline constexpr std::array<const char*, kRules> kRuleNames{"facing", "range", "cells", "empty", "blocked"};
+enum class Rule : std::uint8_t { Facing, Cells, Empty, Blocked };
+inline constexpr std::size_t kRules = 4;
+inline constexpr std::array<const char*, kRules> kRuleNames{"facing", "cells", "empty", "blocked"};
 
 struct PartitionOptions {
-  std::array<bool, kRules> on{true, true, true, true, true};
+  std::array<bool, kRules> on{true, true, true, true};
   bool automatic = true;  ///< a rule that does not pay is left out from then on
 };
 
@@ -31,11 +32,12 @@ struct RuleCount {
 
 class Partition {
  public:
-  Partition(const Scene&, const PatchMesh&, const ClusterTree&, const Tracer&, const Run&);
+  /// What rules that are off would need is not made.
+  Partition(const Scene&, const PatchMesh&, const ClusterTree&, const Tracer&, const PartitionOptions&, const Run&);
 
   /// No place of one is in front of any place of the other.
   bool averted(const Cluster&, const Cluster&) const;
-  /// Closed rooms: a ray between them would have to pass a watertight wall. Bit matrix of cells.
+  /// Rooms: no line leads from the cells that one node looks into through portals to those of the other. By numbers of nodes.
   bool apart(std::uint32_t a, std::uint32_t b) const;
   /// Nothing reaches into the convex hull of both boxes but surfaces that have both clusters on one side: V = 1.
   bool emptyShaft(const Cluster&, const Cluster&) const;
@@ -43,7 +45,8 @@ class Partition {
   bool blockedShaft(const Cluster&, const Cluster&) const;
 
   std::size_t occluders() const { return occluders_.size(); }
-  std::size_t cells() const { return cells_; }
+  /// Whether some two patches are apart; else the rule has nothing to say.
+  bool hasRooms() const { return !sets_.empty(); }
 
  private:
   struct Occluder {
@@ -53,13 +56,14 @@ class Partition {
     std::vector<glm::dvec2> corner;  // convex, counter-clockwise in (u, v)
   };
   void findOccluders(const Scene&, const PatchMesh&, const Tracer&);
-  void findCells(const Scene&, const PatchMesh&);
+  void findRooms(const Scene&, const PatchMesh&, const Run&);
 
   const ClusterTree& tree_;
   double slack_m_;  // rounding of boxes, offsets and ray starts
   std::vector<Occluder> occluders_;
-  std::size_t cells_ = 0;
-  std::vector<std::uint64_t> cellsOf_;  // of a node: bits of the cells that its patches look into
+  Cells cells_;
+  std::vector<std::uint32_t> setOf_;  // of a node: the set of cells that its patches look into; empty without rooms
+  std::vector<std::uint64_t> sets_;   // of each set its cells, then all cells that they may see
 };
 
 }  // namespace lmc

@@ -86,24 +86,24 @@ std::vector<Rgb> Slopes::means(const std::vector<Rgb>& ofPatches) const {
   return out;
 }
 
-std::vector<Rgb> Slopes::overTexels(const std::vector<Rgb>& ofGroups) const {
-  std::vector<glm::dmat3> right(ofGroups.size(), glm::dmat3(0.0));
+Sloped Slopes::of(std::vector<Rgb> means) const {
+  std::vector<glm::dmat3> right(means.size(), glm::dmat3(0.0));
   for (const auto& [a, b] : pairs_) {
-    const glm::dmat3 m = glm::outerProduct(centre_m_[b] - centre_m_[a], glm::dvec3(ofGroups[b]) - glm::dvec3(ofGroups[a]));
+    const glm::dmat3 m = glm::outerProduct(centre_m_[b] - centre_m_[a], glm::dvec3(means[b]) - glm::dvec3(means[a]));
     right[a] += m;  // both factors change sign from b to a
     right[b] += m;
   }
-  std::vector<glm::mat3> slope(ofGroups.size(), glm::mat3(0.0f));  // change per metre, a column a channel
-  for (std::size_t g = 0; g < slope.size(); ++g)
-    if (moments_[g].known) slope[g] = glm::mat3(moments_[g].inverse * right[g]);
-  std::vector<Rgb> out(texels_.patch.size(), Rgb(0.0f));
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    if (texels_.patch[i] == kNone) continue;
-    const std::uint32_t g = groups_.of[texels_.patch[i]];
-    const glm::vec3 offset_m = texels_.position_m[i] - glm::vec3(centre_m_[g]);
-    out[i] = glm::clamp(ofGroups[g] + offset_m * slope[g], Rgb(0.0f), 2.0f * ofGroups[g]);  // row vector: a product for each column
-  }
+  Sloped out{std::move(means), std::vector<glm::mat3>(right.size(), glm::mat3(0.0f))};
+  for (std::size_t g = 0; g < right.size(); ++g)
+    if (moments_[g].known) out.slope[g] = glm::mat3(moments_[g].inverse * right[g]);
   return out;
+}
+
+Rgb Slopes::at(const Sloped& values, std::size_t texel) const {
+  const std::uint32_t g = groups_.of[texels_.patch[texel]];
+  const glm::vec3 offset_m = texels_.position_m[texel] - glm::vec3(centre_m_[g]);
+  return glm::clamp(values.mean[g] + offset_m * values.slope[g], Rgb(0.0f),
+                    2.0f * values.mean[g]);  // row vector: a product for each column
 }
 
 }  // namespace lmc

@@ -24,6 +24,12 @@ struct PatchGroups {
 
 PatchGroups singlePatches(const PatchMesh&);
 
+/// A value that changes over groups.
+struct Sloped {
+  std::vector<Rgb> mean;
+  std::vector<glm::mat3> slope;  ///< change per metre, a column a channel
+};
+
 /// Slopes by least squares from the groups (or single patches) beside each other, which are those that meet in neighbour texels of a chart.
 class Slopes {
  public:
@@ -31,8 +37,9 @@ class Slopes {
 
   /// Area means of a patch value over the groups; patches without area have their first one's.
   std::vector<Rgb> means(const std::vector<Rgb>& ofPatches) const;
-  /// A value of groups at the texels' middles: mean and slope, between nothing and twice the mean. None where no patch is.
-  std::vector<Rgb> overTexels(const std::vector<Rgb>& ofGroups) const;
+  Sloped of(std::vector<Rgb> means) const;
+  /// The value at a texel's middle, between nothing and twice the mean. The texel must have a patch.
+  Rgb at(const Sloped&, std::size_t texel) const;
 
  private:
   struct Moment {

@@ -230,16 +230,14 @@ class Solver {
     out.fine.tailEstimate = answer.tailEstimate;
     out.stats.linksFull = full_;
     out.fine.energy = energyOf(surfaces_, system_, answer);
-    double exitance = 0.0, squares = 0.0, mean = 0.0;
+    double squares = 0.0, mean = 0.0;
     for (std::size_t k = 0; k < n; ++k) {
       const double A = surfaces_.area[k];
-      exitance += A * largest(answer.exitance[k]);
       const std::size_t i = tree_.order[k];
       const double d = largest(glm::abs(glm::dvec3(out.fine.illuminance[i]) - glm::dvec3(out.coarse[i])));
       squares += A * d * d;
       mean += A * largest(system_.direct[k] + answer.illuminance[k]);
     }
-    out.stats.droppedShare /= std::max(exitance, 1e-300);
     out.linkError = mean > 0.0 ? std::sqrt(squares / area_) / (mean / area_) : 0.0;
     return out;
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "libradiosity/conjugate_gradients.h"
 #include "libradiosity/visibility.h"
@@ -20,46 +21,39 @@ constexpr double kMostRays = 65536.0;  // of one patch
 
 /// N_ij rays of i met j, of R_i. Both A_i N_ij/R_i and A_j N_ji/R_j estimate the exchange area; weights inverse to their variances, which
 /// go with A_i/R_i and A_j/R_j, make it (N_ij + N_ji)/(R_i/A_i + R_j/A_j) (the balance heuristic).
+/// Sums run over whom a patch met, in the order of its rays, and then over who met it, in the order of those: the same bits whether hits
+/// are kept both ways, one way, or not at all.
 class Hits {
  public:
   /// `rays`: of each patch, in the tree's order.
   Hits(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const ClusterTree& tree, Surfaces& s,
-       const std::vector<std::uint32_t>& rays, std::uint32_t stream, const Run& run)
-      : start_(tree.order.size() + 1, 0), first_(tree.order.size() + 1, 0), density_(tree.order.size(), 0.0) {
+       const std::vector<std::uint32_t>& rays, const StoredOptions& options, const Run& run)
+      : scene_(scene),
+        tracer_(tracer),
+        mesh_(mesh),
+        tree_(tree),
+        stream_(options.stream),
+        placeOf_(tree.order.size()),
+        start_(tree.order.size() + 1, 0),
+        density_(tree.order.size(), 0.0) {
     const std::size_t n = tree.order.size();
-    std::vector<std::uint32_t> placeOf(n);
     for (std::size_t k = 0; k < n; ++k) {
-      placeOf[tree.order[k]] = std::uint32_t(k);
+      placeOf_[tree.order[k]] = std::uint32_t(k);
       start_[k + 1] = start_[k] + rays[k];
       if (s.area[k] > 0.0) density_[k] = double(rays[k]) / s.area[k];
     }
-    met_.assign(std::size_t(start_[n]), kNone);
+    kept_ = 4 * start_[n] <= options.maxBytes;
+    if (kept_) met_.resize(std::size_t(start_[n]));
     parallelFor(run, n, 16, [&](std::size_t k) {
       if (rays[k] == 0) return;
-      const std::uint32_t id = tree.order[k];
-      const Patch& patch = mesh.patches[id];
-      const Sobol4 numbers = sequence(run.seed, Draw::Links, 1, 0, id, 0, stream);
-      const Sobol4 places = sequence(run.seed, Draw::PatchDirect, 0, 0, id, 0, 0);
-      std::array<Ray, kRaysAtOnce> batch;
-      std::array<Hit, kRaysAtOnce> hits;
-      std::uint32_t fronts = 0, backs = 0;
-      for (std::uint32_t begin = 0; begin < rays[k]; begin += kRaysAtOnce) {
-        const std::uint32_t count = std::min(kRaysAtOnce, rays[k] - begin);
-        for (std::uint32_t r = 0; r < count; ++r) {
-          batch[r] = exposedRay(scene, tracer, mesh, patch, numbers.point(begin + r), places);
-        }
-        tracer.closest({batch.data(), count}, {hits.data(), count}, Purpose::Shoot);
-        for (std::uint32_t r = 0; r < count; ++r) {
-          if (!hits[r]) continue;
-          const std::uint32_t to = mesh.patchAt(hits[r].triangle, hits[r].bary, hits[r].front);
-          ++(to == kNone ? backs : fronts);
-          if (to != kNone && mesh.patches[to].area_m2 > 0.0) met_[start_[k] + begin + r] = placeOf[to];
-        }
-      }
-      s.closure[k] = double(fronts) / rays[k];
-      s.backs[k] = double(backs) / rays[k];
+      std::vector<std::uint32_t> own;
+      const Met met = cast(k, kept_ ? std::span(met_).subspan(std::size_t(start_[k]), rays[k]) : resized(own, rays[k]), run.seed);
+      s.closure[k] = double(met.fronts) / rays[k];
+      s.backs[k] = double(met.backs) / rays[k];
     });
+    if (!kept_ || 8 * start_[n] > options.maxBytes) return;
     // The same hits by whom they met, in the order of those who cast them.
+    first_.assign(n + 1, 0);
     for (const std::uint32_t j : met_)
       if (j != kNone) ++first_[j + 1];
     for (std::size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
@@ -75,27 +69,95 @@ class Hits {
     const std::size_t n = s.area.size();
     std::vector<V> scaled(n);
     for (std::size_t i = 0; i < n; ++i) scaled[i] = s.scale[i] * b[i];
-    power.resize(n);
+    power.assign(n, V(0.0));
     Run quiet = run;
     quiet.onProgress = {};
+    const auto given = [&](std::size_t i, std::size_t j) { return scaled[j] / (density_[i] + density_[j]); };
     parallelFor(quiet, n, 64, [&](std::size_t i) {
+      std::vector<std::uint32_t> own;
       V sum(0.0);
-      const auto add = [&](std::uint32_t j) { sum += scaled[j] / (density_[i] + density_[j]); };
-      for (std::uint64_t h = start_[i]; h < start_[i + 1]; ++h)
-        if (met_[h] != kNone) add(met_[h]);
-      for (std::uint64_t h = first_[i]; h < first_[i + 1]; ++h) add(from_[h]);
-      power[i] = s.scale[i] * sum;
+      for (const std::uint32_t j : metBy(i, own, quiet.seed))
+        if (j != kNone) sum += given(i, j);
+      if (!first_.empty())
+        for (std::uint64_t h = first_[i]; h < first_[i + 1]; ++h) sum += given(i, from_[h]);
+      power[i] = sum;
     });
+    if (first_.empty()) addFrom(given, power, quiet);
+    for (std::size_t i = 0; i < n; ++i) power[i] = s.scale[i] * power[i];
   }
 
   std::uint64_t bytes() const { return 4 * (met_.size() + from_.size()) + 8 * (first_.size() + start_.size() + density_.size()); }
 
  private:
-  std::vector<std::uint64_t> start_;  // of a patch in met_
-  std::vector<std::uint32_t> met_;    // whom its rays met; kNone = no front
-  std::vector<std::uint64_t> first_;  // of a patch in from_
-  std::vector<std::uint32_t> from_;   // who met it
-  std::vector<double> density_;       // rays per area [1/m^2]
+  struct Met {
+    std::uint32_t fronts = 0, backs = 0;
+  };
+  static std::span<std::uint32_t> resized(std::vector<std::uint32_t>& v, std::size_t n) {
+    v.resize(n);
+    return v;
+  }
+
+  /// Casts the rays of a patch: whom each of them met.
+  Met cast(std::size_t k, std::span<std::uint32_t> met, std::uint64_t seed) const {
+    const std::uint32_t id = tree_.order[k];
+    const Patch& patch = mesh_.patches[id];
+    const Sobol4 numbers = sequence(seed, Draw::Links, 1, 0, id, 0, stream_);
+    const Sobol4 places = sequence(seed, Draw::PatchDirect, 0, 0, id, 0, 0);
+    std::array<Ray, kRaysAtOnce> batch;
+    std::array<Hit, kRaysAtOnce> hits;
+    Met count;
+    for (std::uint32_t begin = 0; begin < met.size(); begin += kRaysAtOnce) {
+      const std::uint32_t rays = std::min(kRaysAtOnce, std::uint32_t(met.size()) - begin);
+      for (std::uint32_t r = 0; r < rays; ++r) batch[r] = exposedRay(scene_, tracer_, mesh_, patch, numbers.point(begin + r), places);
+      tracer_.closest({batch.data(), rays}, {hits.data(), rays}, Purpose::Shoot);
+      for (std::uint32_t r = 0; r < rays; ++r) {
+        met[begin + r] = kNone;
+        if (!hits[r]) continue;
+        const std::uint32_t to = mesh_.patchAt(hits[r].triangle, hits[r].bary, hits[r].front);
+        ++(to == kNone ? count.backs : count.fronts);
+        if (to != kNone && mesh_.patches[to].area_m2 > 0.0) met[begin + r] = placeOf_[to];
+      }
+    }
+    return count;
+  }
+  std::span<const std::uint32_t> metBy(std::size_t k, std::vector<std::uint32_t>& own, std::uint64_t seed) const {
+    const auto rays = std::size_t(start_[k + 1] - start_[k]);
+    if (kept_) return std::span(met_).subspan(std::size_t(start_[k]), rays);
+    if (rays > 0) cast(k, resized(own, rays), seed);
+    return own;
+  }
+
+  /// What each patch is given by those who met it, without a list of them: one patch after the other hands out what its hits say.
+  template <class Given, class V>
+  void addFrom(const Given& given, std::vector<V>& power, const Run& run) const {
+    std::vector<std::vector<std::uint32_t>> own(kAtOnce);
+    for (std::size_t begin = 0; begin < power.size(); begin += kAtOnce) {
+      const std::size_t count = std::min(kAtOnce, power.size() - begin);
+      if (!kept_) {
+        parallelFor(run, count, 16, [&](std::size_t k) {
+          own[k].clear();
+          metBy(begin + k, own[k], run.seed);
+        });
+      }
+      for (std::size_t k = begin; k < begin + count; ++k)
+        for (const std::uint32_t i : kept_ ? metBy(k, own[0], run.seed) : std::span<const std::uint32_t>(own[k - begin]))
+          if (i != kNone) power[i] += given(i, k);
+    }
+  }
+
+  static constexpr std::size_t kAtOnce = 1024;
+  const Scene& scene_;
+  const Tracer& tracer_;
+  const PatchMesh& mesh_;
+  const ClusterTree& tree_;
+  std::uint32_t stream_;
+  bool kept_ = true;
+  std::vector<std::uint32_t> placeOf_;  // of a patch in the tree's order
+  std::vector<std::uint64_t> start_;    // of a patch in met_
+  std::vector<std::uint32_t> met_;      // whom its rays met; kNone = no front; empty = not kept
+  std::vector<std::uint64_t> first_;    // of a patch in from_; empty = not kept
+  std::vector<std::uint32_t> from_;     // who met it
+  std::vector<double> density_;         // rays per area [1/m^2]
 };
 
 /// Half of the rays to all patches alike, half by the power that they send first: what is bright is worth knowing the ways of.
@@ -132,7 +194,7 @@ StoredSolution solveAs(const Scene& scene, const Tracer& tracer, const PatchMesh
       mostRho = std::max(mostRho, largest(system.rho[k]));
     }
   if (!(brightest > 0.0)) return out;
-  const Hits hits(scene, tracer, mesh, tree, surfaces, shareOut(surfaces, system, options.rays), options.stream, run);
+  const Hits hits(scene, tracer, mesh, tree, surfaces, shareOut(surfaces, system, options.rays), options, run);
   out.bytes = hits.bytes();
   out.closureError = closeRows(surfaces, hits, std::min(1e-4, 0.01 * (1.0 - mostRho)), run);
   const Answer<V> answer = conjugateGradients(tree, surfaces, hits, system, {}, options.maxTail, options.maxIterations, run);

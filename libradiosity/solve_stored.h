@@ -10,11 +10,12 @@ struct StoredOptions {
   std::uint32_t stream = 0;  ///< independent random numbers for each
   double maxTail = 1e-3;     ///< stop iterating when what is left out is no more than this share of the light, and of each part's
   int maxIterations = 500;
+  std::uint64_t maxBytes = ~std::uint64_t(0);  ///< for hits: 8 bytes a ray, or 4 at half the speed, or none and every sweep casts again
 };
 
 struct StoredSolution {
   Solution solution;
-  std::uint64_t bytes = 0;    ///< of stored hits
+  std::uint64_t bytes = 0;    ///< of stored hits; StoredOptions::maxBytes changes nothing else
   double closureError = 0.0;  ///< area mean of |row sum - closure| before scaling: the noise of hits from the other side
 };
 

@@ -7,6 +7,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "lmc/memory.h"
+
 namespace lmc {
 
 namespace {
@@ -65,7 +67,7 @@ PartitionOptions partitionOf(const std::string& text) {
     const std::string name = text.substr(at, comma == std::string::npos ? comma : comma - at);
     const auto rule = std::ranges::find(kRuleNames, name);
     if (rule == kRuleNames.end())
-      throw CLI::ValidationError("--partition", "'" + name + "' is not auto, all, none or one of facing, range, cells, empty, blocked");
+      throw CLI::ValidationError("--partition", "'" + name + "' is not auto, all, none or one of facing, cells, empty, blocked");
     out.on[std::size_t(rule - kRuleNames.begin())] = true;
     if (comma == std::string::npos) return out;
     at = comma + 1;
@@ -149,7 +151,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
   app->add_option_function<std::string>(
          "--partition", [&o](const std::string& t) { o.partition = partitionOf(t); },
          "what pairs of clusters are told without a ray, --solver hierarchical: auto, all, none or a list of "
-         "facing,range,cells,empty,blocked")
+         "facing,cells,empty,blocked")
       ->type_name("LIST");
   app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
@@ -188,6 +190,16 @@ Command parseCommandLine(int argc, const char* const* argv) {
           "also write what was made on the way: patches (patches.obj, patches.png: patches in the map's layout, the finer the brighter)")
       ->check(CLI::IsMember({"patches"}))
       ->type_name("WHAT");
+  bakeApp
+      ->add_option_function<std::string>(
+          "--memory",
+          [&bake](const std::string& t) {
+            const auto bytes = bytesOf(t);
+            if (!bytes) throw CLI::ValidationError("--memory", "'" + t + "' is not a size such as 512M or 2G");
+            bake.memory_bytes = *bytes;
+          },
+          "limit such as 512M or 2G [default: what the machine has]; never changes a result, exit code 8 where less than the least")
+      ->type_name("SIZE");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp

@@ -33,6 +33,7 @@ struct BakeOptions {
   double texelsPerMetre = 0.0;          ///< 0 = the level's own, else 16
   std::optional<Rgb> sky;               ///< replaces the level's; black = none
   std::uint64_t seed = 1;
+  std::uint64_t memory_bytes = 0;  ///< limit; 0 = what the machine has. Never changes a result
   int threads = 0;
   bool json = false;
   std::filesystem::path depfile;

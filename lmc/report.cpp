@@ -23,17 +23,9 @@ Json linksOf(const Bake& b) {
     rules[kRuleNames[k]] = {
         {"on", c.on}, {"pairs_asked", c.asked}, {"settled", c.settled}, {"rays_saved", c.raysSaved}, {"seconds", c.seconds}};
   }
-  return {{"count", l.links},
-          {"bytes", l.bytes},
-          {"rays", l.rays},
-          {"pairs", l.pairs},
-          {"rounds", l.rounds},
-          {"threshold", l.threshold},
-          {"full", l.linksFull},
-          {"predicted_error", l.predictedError},
-          {"last_change", b.linkError},
-          {"out_of_range_share", l.droppedShare},
-          {"partition", rules}};
+  return {{"count", l.links},           {"bytes", l.bytes},         {"rays", l.rays},      {"pairs", l.pairs},
+          {"rounds", l.rounds},         {"threshold", l.threshold}, {"full", l.linksFull}, {"predicted_error", l.predictedError},
+          {"last_change", b.linkError}, {"partition", rules}};
 }
 }  // namespace
 
@@ -131,6 +123,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   r["seconds"] = seconds;
   r["cpu_seconds"] = cpu;
   r["peak_memory_bytes"] = peakBytes();
+  r["memory"] = {{"limit_bytes", b.memory.limit_bytes}, {"least_bytes", b.memory.least_bytes}, {"compact", b.memory.compactField()}};
   Json warnings = Json::array(), notes = Json::array();
   for (const Message& m : spoken.messages)
     (m.level == Message::Level::Warning ? warnings : notes).push_back({{"where", m.where}, {"text", m.text}, {"code", m.code}});

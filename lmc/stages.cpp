@@ -28,8 +28,7 @@ constexpr double kLeastStoredRays = 65536.0;   // of all patches together: few p
 constexpr double kNearlyWhite = 0.95;          // area mean of reflectance from which shooting takes hundreds of passes: dense there
 constexpr double kPatchesNearlyWhite = 400.0;  // squares; the field of such a level is smooth
 constexpr std::size_t kDenseNearlyWhite = 1500;
-constexpr std::uint64_t kBytesPerTexel = 180;  // of state, values and what is written, at their largest
-constexpr double kTailShare = 0.05;            // of the goal, for bounces left out
+constexpr double kTailShare = 0.05;  // of the goal, for bounces left out
 constexpr int kLargestMap = 16384;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
 
@@ -85,10 +84,11 @@ void charts(Bake& b) {
   if (b.side > kLargestMap)
     throw Error(Exit::Limit, b.scene.file, "/scenes/0/extras/lmc/lightmap/resolution",
                 fmt::format("a map of {} x {} is above the limit of {}", b.side, b.side, kLargestMap), "LMC_MAP_SIZE");
-  const std::uint64_t needed = std::uint64_t(b.side) * std::uint64_t(b.side) * kBytesPerTexel;
-  if (const std::uint64_t have = memoryBytes(); needed > have)
+  b.memory = planMemory(b.scene, b.options, b.side, b.plan.runs(Effect::Bounce), memoryBytes());
+  if (b.memory.least_bytes > b.memory.limit_bytes)
     throw Error(Exit::Limit, b.scene.file, "",
-                fmt::format("a map of {} x {} needs about {} MB, this machine has {} MB", b.side, b.side, needed >> 20, have >> 20),
+                fmt::format("a map of {} x {} takes --memory {} at least, and {} {}", b.side, b.side, sizeText(b.memory.least_bytes),
+                            b.options.memory_bytes > 0 ? "the limit is" : "this machine has", sizeText(b.memory.limit_bytes)),
                 "LMC_MEMORY");
   b.charts = findCharts(b.scene, b.side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side, b.side);
@@ -216,6 +216,7 @@ void solveByStoredRays(Bake& b) {
   // The field's error goes with 1/sqrt(all rays); patches go with 1/goal, and so rays a patch do, too.
   options.rays = std::uint32_t(std::ceil(std::max(kStoredRays * 0.02 / b.options.goal, kLeastStoredRays / n)));
   options.maxTail = maxTailOf(b.options);
+  options.maxBytes = b.memory.rays_bytes;
   for (std::uint32_t half = 0; half < 2; ++half) {
     Run part = b.run;
     part.onProgress = [&](double share) {
@@ -329,7 +330,7 @@ void solve(Bake& b) {
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
   b.field = std::make_unique<Field>(b.scene, b.patches, seen, *b.texels, b.patchLight,
                                     std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance},
-                                    b.coarseSolution.empty() ? nullptr : &b.coarseSolution, b.run);
+                                    b.coarseSolution.empty() ? nullptr : &b.coarseSolution, b.run, b.memory.compactField());
 }
 
 void hemisphere(Bake& b) {

@@ -7,6 +7,7 @@
 #include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
 #include "libradiosity/solve_stored.h"
+#include "lmc/memory.h"
 #include "lmc/plan.h"
 #include "lmc/progress.h"
 
@@ -22,6 +23,7 @@ struct Bake {
   Facts facts;  // plan
   Plan plan;
   int side = 0;  // charts: of the map [texels]
+  MemoryPlan memory;
   Charts charts;
   std::unique_ptr<TexelMap> texels;
   std::unique_ptr<Tracer> tracer;  // trace

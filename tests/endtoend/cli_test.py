@@ -7,6 +7,7 @@ import argparse
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import struct
@@ -282,6 +283,29 @@ class Bakes(Case):
                 faces += 1
         self.assertEqual((groups, faces), (report["patches"]["count"], report["patches"]["faces"]))
         self.assertAlmostEqual(area, 2.0 * (3.0 * 2.4 + 3.0 * 4.0 + 2.4 * 4.0), delta=1e-4)
+
+    def test_memory_never_changes_the_bytes(self):
+        done, report = self.bake(sample("textured.gltf"), "--json")
+        large = content(self.out)
+        least = report["memory"]["least_bytes"]
+        self.assertFalse(report["memory"]["compact"])
+        self.assertLessEqual(report["memory"]["least_bytes"], report["memory"]["limit_bytes"])
+        _, small = self.bake(sample("textured.gltf"), "--memory", str(least), out=self.path("small"))
+        self.assertTrue(small["memory"]["compact"])
+        self.assertEqual(small["memory"]["limit_bytes"], least)
+        for name in SAME_EVERY_TIME:
+            self.assertEqual(content(self.path("small"))[name], large[name], name)
+
+    def test_memory_too_small_is_refused_with_the_least(self):
+        self.bake(sample("textured.gltf"))
+        before = content(self.out)
+        done = lmc("bake", sample("textured.gltf"), "-o", self.out, "--memory", "1M", *FAST)
+        self.assertEqual(done.returncode, 8, done.stderr)
+        self.assertIn("[LMC_MEMORY]", done.stderr)
+        self.assertEqual(content(self.out), before)
+        named = re.search(r"--memory (\d+M) at least", done.stderr)
+        self.assertTrue(named, done.stderr)
+        self.bake(sample("textured.gltf"), "--memory", named.group(1))
 
     def test_outputs_name_no_place(self):
         self.bake(sample("furnace.glb"))

@@ -77,6 +77,24 @@ TEST_P(Scenes, SameBytesForAnyNumberOfThreads) {
   EXPECT_EQ(std::memcmp(links[0].data(), links[1].data(), links[0].size() * sizeof(Rgb)), 0);
 }
 
+TEST_P(Scenes, StoredRaysGiveTheSameBytesWhateverIsKeptOfThem) {
+  const Scene scene = make(GetParam());
+  const lmc::Run run;
+  const Tracer tracer(scene);
+  const DirectLight direct(scene, tracer, true);
+  PatchMesh mesh = makePatches(scene, {.size_m = 0.6}, run);
+  exposePatches(mesh, scene, tracer, run);
+  const PatchLight light = lightPatches(scene, tracer, mesh, direct, {}, run);
+  const StoredSolution all = solveStored(scene, tracer, mesh, light, {}, run);
+  const std::uint64_t rays = tracer.rays(Purpose::Shoot);
+  for (const std::uint64_t bytes : {6 * rays, std::uint64_t(0)}) {  // hits one way; none, cast again in every sweep
+    const StoredSolution s = solveStored(scene, tracer, mesh, light, {.maxBytes = bytes}, run);
+    EXPECT_LT(s.bytes, all.bytes);
+    EXPECT_EQ(s.solution.passes, all.solution.passes);
+    EXPECT_EQ(std::memcmp(s.solution.illuminance.data(), all.solution.illuminance.data(), mesh.patches.size() * sizeof(Rgb)), 0) << bytes;
+  }
+}
+
 /// Random pairs of nodes that a rule settles, random rays between them: Embree's robust rays are the oracle.
 TEST_P(Scenes, NoRuleSettlesAPairFalsely) {
   const Scene scene = make(GetParam());
@@ -85,7 +103,7 @@ TEST_P(Scenes, NoRuleSettlesAPairFalsely) {
   PatchMesh mesh = makePatches(scene, {.size_m = 0.6}, run);
   exposePatches(mesh, scene, tracer, run);
   const ClusterTree tree = makeClusters(scene, mesh, run);
-  const Partition partition(scene, mesh, tree, tracer, run);
+  const Partition partition(scene, mesh, tree, tracer, {}, run);
   const Sobol4 pairs(1), ends(2);
   std::array<std::uint64_t, kRules> settled{}, wrong{};
   std::uint64_t rays = 0;

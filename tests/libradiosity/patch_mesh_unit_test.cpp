@@ -117,9 +117,12 @@ TEST(PatchMesh, PatchesAreSmallWhereLightChangesAndOneLevelApartFromTheirNeighbo
   for (const Patch& p : mesh.patches) {
     const double away = std::abs(p.centre_m.x + 0.3 * p.centre_m.z - 2.0) / std::hypot(1.0, 0.3);
     // The mean over such a patch moves far more light than the limit; groups that were left over are small, and may stay.
-    if (away < 0.1 * double(p.size_m) && p.area_m2 > 0.4 * double(p.size_m) * double(p.size_m))
+    if (away < 0.1 * double(p.size_m) && p.area_m2 > 0.4 * double(p.size_m) * double(p.size_m)) {
       EXPECT_EQ(p.level, 3) << p.centre_m.x << ' ' << p.centre_m.z;
-    if (away > 4.0) EXPECT_EQ(p.level, 0) << p.centre_m.x << ' ' << p.centre_m.z;
+    }
+    if (away > 4.0) {
+      EXPECT_EQ(p.level, 0) << p.centre_m.x << ' ' << p.centre_m.z;
+    }
     finest += p.level == 3;
     EXPECT_LE(2.0 * p.radius_m, 2.0 * std::sqrt(2.0) * double(p.size_m) * 1.01);
   }
@@ -148,8 +151,12 @@ TEST(PatchMesh, ReflectanceIsThePatchsOwnPartOfAPicture) {
   const PatchMesh mesh = makePatches(b.scene, {.size_m = 0.25}, {});
   for (const Patch& p : mesh.patches) {  // but at the ends, where the picture repeats
     const double to = p.centre_m.x + p.radius_m, from = p.centre_m.x - p.radius_m;
-    if (to < 0.95 && from > 0.05) EXPECT_LT(p.reflectance.r, 0.01f) << p.centre_m.x;
-    if (from > 1.05 && to < 1.95) EXPECT_GT(p.reflectance.r, 0.99f) << p.centre_m.x;
+    if (to < 0.95 && from > 0.05) {
+      EXPECT_LT(p.reflectance.r, 0.01f) << p.centre_m.x;
+    }
+    if (from > 1.05 && to < 1.95) {
+      EXPECT_GT(p.reflectance.r, 0.99f) << p.centre_m.x;
+    }
   }
 }
 

@@ -1,5 +1,7 @@
 #include "lmc/options.h"
 
+#include "lmc/memory.h"
+
 #include <gtest/gtest.h>
 
 #include <variant>
@@ -49,6 +51,17 @@ TEST(Options, SkyTakesNoneSceneOrARadiance) {
   EXPECT_FALSE(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--sky", "scene")).sky.has_value());
   EXPECT_EQ(*std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--sky", "none")).sky, Rgb(0.0f));
   EXPECT_EQ(*std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--sky", "1,2,0.5")).sky, Rgb(1.0f, 2.0f, 0.5f));
+}
+
+TEST(Options, MemoryIsASizeInPowersOf1024) {
+  const auto memory = [](const char* t) { return std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--memory", t)).memory_bytes; };
+  EXPECT_EQ(std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out")).memory_bytes, 0u) << "what the machine has";
+  EXPECT_EQ(memory("512M"), 512u << 20);
+  EXPECT_EQ(memory("1.5G"), std::uint64_t(3) << 29);
+  EXPECT_EQ(memory("4096"), 4096u);
+  EXPECT_EQ(memory("2T"), std::uint64_t(1) << 41);
+  for (const char* t : {"", "M", "0", "-1G", "2g", "2GB", "nan", "1e30G", "2 G"}) EXPECT_THROW(memory(t), Error) << t;
+  EXPECT_EQ(bytesOf(sizeText((5u << 20) + 1)), 6u << 20);
 }
 
 TEST(Options, HelpIsTextForStdout) {

@@ -1,0 +1,78 @@
+#include "lmc/memory.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+
+#include "libradiosity/patch_mesh.h"
+#include "libradiosity/solve.h"
+#include "libscene/parallel.h"
+
+namespace lmc {
+
+namespace {
+
+// Bytes, measured as peaks of bakes of cornell, gallery and atrium at 256 to 2048 texels a side (docs/stages.md), rounded up.
+constexpr std::uint64_t kProgram = 20 << 20, kThread = 1 << 20;
+constexpr std::uint64_t kTexel = 212;         // state of the map, what hemisphere rays see, cells and guides
+constexpr std::uint64_t kTexelCompact = 176;  // the same with the field's texels put together at each hit
+constexpr std::uint64_t kTexelSolve = 64;     // when stored rays are there
+constexpr std::uint64_t kTriangle = 320;      // ray tracer, charts, places of texels
+constexpr std::uint64_t kPatch = 1500;        // faces, clusters, solutions
+constexpr double kPatchesPerSquare = 3.0;
+constexpr double kSquaresAtTwoPercent = 3000.0;  // as stages.cpp asks for
+constexpr std::uint64_t kPatchOfLinks = 3000;    // 25 links a patch, those of the round before beside them
+constexpr std::uint64_t kDensePair = 12;
+
+template <class T>
+std::uint64_t bytes(const std::vector<T>& v) {
+  return v.size() * sizeof(T);
+}
+
+}  // namespace
+
+MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, bool bounce, std::uint64_t machine_bytes) {
+  std::uint64_t level = bytes(scene.positions_m) + bytes(scene.normals) + bytes(scene.uv0) + bytes(scene.uv1) + bytes(scene.colors) +
+                        bytes(scene.triangles) + bytes(scene.triangleObject) + kTriangle * scene.triangles.size();
+  for (const auto& image : scene.images) level += 4 * std::uint64_t(image.width) * std::uint64_t(image.height);
+  const std::uint64_t texels = std::uint64_t(side) * std::uint64_t(side);
+  std::uint64_t patches = 0;
+  if (bounce && !scene.triangles.empty()) {
+    double squares = kSquaresAtTwoPercent * 0.02 / o.goal;
+    if (o.patchSize_m > 0.0) squares = std::pow(patchSizeFor_m(scene, 1.0) / o.patchSize_m, 2.0);
+    patches = std::uint64_t(std::min(kPatchesPerSquare * squares, double(o.maxPatches)));
+  }
+  std::uint64_t solver = patches * kPatch;
+  if (o.solver == Solver::Hierarchical) solver += patches * kPatchOfLinks;
+  const std::uint64_t dense = std::min<std::uint64_t>(patches, kMaxDensePatches);
+  if (o.solver == Solver::Dense) solver += kDensePair * dense * dense;
+  const std::uint64_t base = kProgram + kThread * std::uint64_t(threadCount(Run{o.threads, o.seed, {}, {}})) + level + solver;
+  MemoryPlan out;
+  out.limit_bytes = o.memory_bytes > 0 ? o.memory_bytes : machine_bytes;
+  out.wanted_bytes = base + kTexel * texels;
+  out.least_bytes = base + kTexelCompact * texels;
+  const std::uint64_t beside = base + kTexelSolve * texels;
+  out.rays_bytes = out.limit_bytes > beside ? out.limit_bytes - beside : 0;
+  return out;
+}
+
+std::optional<std::uint64_t> bytesOf(std::string_view text) {
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc()) return std::nullopt;
+  const std::string_view unit = text.substr(std::size_t(end - text.data()));
+  constexpr std::string_view kUnits = "KMGT";
+  if (unit.size() > 1) return std::nullopt;
+  if (!unit.empty()) {
+    const std::size_t power = kUnits.find(unit[0]);
+    if (power == std::string_view::npos) return std::nullopt;
+    value = std::ldexp(value, 10 * (int(power) + 1));
+  }
+  if (!(value >= 1.0) || !(value < 0x1p63)) return std::nullopt;
+  return std::uint64_t(value);
+}
+
+std::string sizeText(std::uint64_t bytes) { return fmt::format("{}M", (bytes + (1 << 20) - 1) >> 20); }
+
+}  // namespace lmc

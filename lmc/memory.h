@@ -1,0 +1,23 @@
+#pragma once
+/// What a bake will hold at most, told before the work from counts alone, and how it keeps to a limit without changing a byte.
+#include "lmc/options.h"
+
+namespace lmc {
+
+struct MemoryPlan {
+  std::uint64_t limit_bytes = 0;   ///< --memory, or what the machine has
+  std::uint64_t least_bytes = 0;   ///< below it the bake is refused
+  std::uint64_t wanted_bytes = 0;  ///< what it takes at full speed, stored rays apart
+  std::uint64_t rays_bytes = 0;    ///< left for stored rays while they are needed
+  bool compactField() const { return limit_bytes < wanted_bytes; }
+};
+
+/// `side`: of the map [texels]; `bounce`: whether patches are made.
+MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, bool bounce, std::uint64_t machine_bytes);
+
+/// "512M": K, M, G, T are powers of 1024, without one it is bytes. nullopt when it is no size of at least 1 byte.
+std::optional<std::uint64_t> bytesOf(std::string_view text);
+/// The size in whole M, rounded up: what bytesOf takes.
+std::string sizeText(std::uint64_t bytes);
+
+}  // namespace lmc
