@@ -17,8 +17,7 @@ constexpr std::size_t kMaxEmitterPieces = 24;  // when a level has few emissive 
 constexpr std::size_t kClosedFormPlaces = 4;   // the unoccluded factor is smooth over a texel
 constexpr double kDefensive = 0.05;  // share of the choice of pieces that goes by power alone: a place may see what the first one does not
 constexpr std::size_t kLeastDraws = 4;
-constexpr std::size_t kGroupDraws = 2;  // of one place
-constexpr double kFarEmitter = 8.0;     // times its size: there the disc form is right to 0.2 %
+constexpr double kFarEmitter = 8.0;  // times its size: there the disc form is right to 0.2 %
 constexpr std::size_t kMaxPlaces = 256;
 
 /// Form factor of a place to an emitter without blockers.
@@ -43,7 +42,7 @@ DirectPart DirectLight::sample(std::span<const SurfacePoint> places, const Light
   DirectPart out;
   for (const std::uint32_t light : cut.punctual) out += punctual(places, light);
   if (!cut.emitters.empty()) out += emitters(places, cut.emitters, address);
-  if (!cut.groups.empty()) out += groups(places, cut, address);
+  if (!cut.groups.empty()) out += groups(places, groupsAt(cut, places[0]), std::max(2 * places.size(), kLeastDraws), address);
   return out;
 }
 
@@ -197,14 +196,25 @@ DirectPart DirectLight::emitters(std::span<const SurfacePoint> places, std::span
   return out;
 }
 
-DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const LightCut& cut, const Sobol4& address) const {
+DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const LightTree::Groups& lights, std::size_t draws,
+                               const Sobol4& address) const {
   DirectPart out;
   std::array<Ray, kMaxPlaces> rays;
   std::array<glm::dvec3, kMaxPlaces> unshadowed;
   std::array<std::uint8_t, kMaxPlaces> blocked;
-  std::size_t n = 0;
-  const LightTree::Groups lights(tree_, cut, places[0]);
-  const std::size_t draws = std::min(std::max(kGroupDraws * places.size(), kLeastDraws), kMaxPlaces);
+  std::size_t n = 0, cast = 0, seen = 0;
+  const auto flush = [&] {
+    if (n == 0) return;
+    trace({rays.data(), n}, {blocked.data(), n}, Purpose::Emitter);
+    for (std::size_t i = 0; i < n; ++i) {
+      out.unshadowed += unshadowed[i] / double(draws);
+      if (blocked[i]) continue;
+      ++seen;
+      out.illuminance += unshadowed[i] / double(draws);
+    }
+    cast += n;
+    n = 0;
+  };
   for (std::size_t i = 0; i < draws; ++i) {
     const SurfacePoint& p = places[i % places.size()];
     const glm::vec2 u = address.point2(std::uint32_t(i));
@@ -218,31 +228,24 @@ DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const Light
       unshadowed[n] = in.illuminance / choice.share;
       rays[n++] = towards(light, p, in.towards, in.endless);
       if (shadows_) rays_[choice.light].fetch_add(1, std::memory_order_relaxed);
-      continue;
+    } else {
+      const Emitter& e = emitters_.whole[choice.light - tree_.punctualCount()];
+      if (p.triangle == e.triangle || glm::dot(p.position_m - e.corner_m[0], e.normal) <= double(tracer_.lift_m())) continue;
+      const double s = std::sqrt(pick), w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
+      const glm::dvec3 q = e.corner_m[0] + w1 * (e.corner_m[1] - e.corner_m[0]) + w2 * (e.corner_m[2] - e.corner_m[0]);
+      const glm::dvec3 r = q - p.position_m;
+      const double d2 = glm::dot(r, r);
+      const double cosines = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, e.normal));
+      if (!(cosines > 0.0) || glm::dot(r, p.geometricNormal) <= 0.0) continue;
+      unshadowed[n] = (cosines / (d2 * d2) * e.area_m2 / choice.share) * glm::dvec3(e.radiance);
+      const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, e.normal);
+      rays[n++] = {from, to - from, 1.0f};
     }
-    const Emitter& e = emitters_.whole[choice.light - tree_.punctualCount()];
-    if (p.triangle == e.triangle || glm::dot(p.position_m - e.corner_m[0], e.normal) <= double(tracer_.lift_m())) continue;
-    const double s = std::sqrt(pick), w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
-    const glm::dvec3 q = e.corner_m[0] + w1 * (e.corner_m[1] - e.corner_m[0]) + w2 * (e.corner_m[2] - e.corner_m[0]);
-    const glm::dvec3 r = q - p.position_m;
-    const double d2 = glm::dot(r, r);
-    const double cosines = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, e.normal));
-    if (!(cosines > 0.0) || glm::dot(r, p.geometricNormal) <= 0.0) continue;
-    unshadowed[n] = (cosines / (d2 * d2) * e.area_m2 / choice.share) * glm::dvec3(e.radiance);
-    const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, e.normal);
-    rays[n++] = {from, to - from, 1.0f};
+    if (n == kMaxPlaces) flush();
   }
-  if (n == 0) return out;
-  trace({rays.data(), n}, {blocked.data(), n}, Purpose::Emitter);
-  std::size_t seen = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    out.unshadowed += unshadowed[i] / double(draws);
-    if (blocked[i]) continue;
-    ++seen;
-    out.illuminance += unshadowed[i] / double(draws);
-  }
+  flush();
   out.seen = seen > 0;
-  out.mixed = seen > 0 && seen < n;
+  out.mixed = seen > 0 && seen < cast;
   return out;
 }
 

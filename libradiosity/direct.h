@@ -38,8 +38,10 @@ class DirectLight {
   const Emitters& emitters() const { return emitters_; }
   std::uint64_t raysOf(std::uint32_t light) const { return rays_[light].load(); }
 
-  /// What the places of a sphere must ask; with a normal, fewer.
-  LightCut lightsFor(const glm::dvec3& centre_m, double radius_m) const { return tree_.cutFor({centre_m, radius_m}); }
+  /// What the places of a sphere must ask; with a normal, fewer. A single place (radius 0) gets a coarser cut.
+  LightCut lightsFor(const glm::dvec3& centre_m, double radius_m) const {
+    return tree_.cutFor({centre_m, radius_m}, radius_m > 0.0 ? LightTree::kMostNodes : LightTree::kFewNodes);
+  }
   LightCut lightsFor(const Receivers& receivers) const { return tree_.cutFor(receivers); }
 
   /// One punctual light: one shadow ray a place.
@@ -48,8 +50,9 @@ class DirectLight {
   /// The visible share is weighted by the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias
   /// of the ratio falls with the number of rays.
   DirectPart emitters(std::span<const SurfacePoint> places, std::span<const std::uint32_t> emitters, const Sobol4& address) const;
-  /// The groups of a cut: kGroupDraws rays a place, each to one of their lights.
-  DirectPart groups(std::span<const SurfacePoint> places, const LightCut&, const Sobol4& address) const;
+  /// The groups of a cut: `draws` rays in turn from the places, each to one of their lights.
+  DirectPart groups(std::span<const SurfacePoint> places, const LightTree::Groups&, std::size_t draws, const Sobol4& address) const;
+  LightTree::Groups groupsAt(const LightCut& cut, const SurfacePoint& place) const { return {tree_, cut, place}; }
   /// All of a cut.
   DirectPart sample(std::span<const SurfacePoint> places, const LightCut&, const Sobol4& address) const;
 

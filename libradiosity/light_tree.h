@@ -15,7 +15,7 @@ namespace lmc {
 struct LightCut {
   std::vector<std::uint32_t> punctual;  ///< into Scene::lights
   std::vector<std::uint32_t> emitters;  ///< into Emitters::whole
-  std::vector<std::uint32_t> groups;    ///< nodes of the tree
+  std::vector<std::uint32_t> groups;    ///< nodes of the tree, in the tree's order: neighbours here are neighbours in the level
   bool empty() const { return punctual.empty() && emitters.empty() && groups.empty(); }
 };
 
@@ -29,10 +29,11 @@ struct Receivers {
 
 class LightTree {
  public:
-  static constexpr std::size_t kMostNodes = 64;  ///< of a cut
+  static constexpr std::size_t kMostNodes = 128;  ///< of a cut
+  static constexpr std::size_t kFewNodes = 16;    ///< of a cut that serves a single place: it is made for a handful of rays
   LightTree(const Scene&, const Emitters&);
 
-  LightCut cutFor(const Receivers&) const;
+  LightCut cutFor(const Receivers&, std::size_t mostNodes = kMostNodes) const;
 
   /// One light of the groups, chosen in proportion to about what it would give.
   struct Choice {
@@ -49,7 +50,7 @@ class LightTree {
    private:
     const LightTree& tree_;
     const LightCut& cut_;
-    std::array<double, kMostNodes + 2> begin_;  // cumulative
+    std::array<double, kMostNodes> begin_;  // cumulative
     double total_ = 0.0;
   };
   std::uint32_t punctualCount() const { return punctualCount_; }
@@ -73,23 +74,31 @@ class LightTree {
     double cosBeyond(const Angle& o) const { return cos >= o.cos ? 1.0 : cos * o.cos + sin * o.sin; }
   };
   struct Node {
-    glm::dvec3 lo{1e300}, hi{-1e300};  // of positions [m]
     glm::dvec3 centre_m{0.0};
     double radius_m = 0.0;
-    glm::dvec3 axis{0.0};  // unit; directions of its light lie within `spread` of it
-    double spread_rad = 0.0, cone_rad = 0.0;
-    Angle spread, cover;          // cover: spread and the cone about each direction
-    double strength = 0.0;        // sum of intensities towards the axis [cd], largest channel
-    bool flat = false;            // all of them are emitters: their light falls with the cosine
-    double range_m = 0.0;         // beyond it from the box nothing shines; 0 = endless
-    std::uint32_t child = kNone;  // the first of two; kNone = a leaf
-    std::uint32_t light = kNone;
-    std::uint32_t count = 0;  // of lights below
-    void measure();
+    glm::dvec3 axis{0.0};                // unit; directions of its light lie within `spread` of it
+    Angle spread, cover;                 // cover: spread and the cone about each direction
+    double strength = 0.0;               // sum of intensities towards the axis [cd], largest channel
+    double range_m = 0.0;                // beyond it from the sphere nothing shines; 0 = endless
+    std::uint32_t child = kNone;         // the first of two; kNone = a leaf
+    std::uint32_t first = 0, count = 0;  // its lights: [first, first + count) of lights_
+    bool flat = false;                   // all of them are emitters: their light falls with the cosine
+    bool alike = false;                  // all of them shine alike about the axis: from afar they differ by their strength alone
   };
+  /// What building needs besides.
+  struct Extent {
+    glm::dvec3 lo{1e300}, hi{-1e300};  // of positions [m]
+    double spread_rad = 0.0, cone_rad = 0.0, leastCone_rad = 0.0;
+  };
+  struct Leaf {
+    Node node;
+    Extent extent;
+    std::uint32_t light = kNone;
+    int kind = 0;  // lights of one kind are parted by place, others by kind
+  };
+  static void measure(Node&, const Extent&);
   static double mostCosines(const Node&, const glm::dvec3& to, double distance, double reach, const glm::dvec3& normal, const Angle& bend);
-  double sumOfFew(std::uint32_t node, const SurfacePoint&) const;
-  std::uint32_t build(std::vector<Node>&, std::size_t begin, std::size_t end);
+  Extent build(std::uint32_t node, std::vector<Leaf>&, std::size_t begin, std::size_t end);
   /// The most that the node gives to a place of the sphere [lx], but for emitters at touching distance.
   double bound(const Node&, const Receivers&) const;
   /// About what the node gives to a place; 0 only where it gives nothing [lx].
@@ -97,7 +106,9 @@ class LightTree {
 
   std::uint32_t punctualCount_ = 0;
   std::vector<std::uint32_t> always_;  // directional and classic lights: their light does not fall with the square of distance
-  std::vector<Node> nodes_;            // the root is the last; empty when all lights are in always_
+  std::vector<Node> nodes_;            // the root is the first; empty when all lights are in always_
+  std::vector<std::uint32_t> lights_;  // in the tree's order, numbered as in Choice
+  std::vector<double> before_;         // sums of their strengths; one more than lights_
 };
 
 }  // namespace lmc
