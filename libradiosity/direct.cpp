@@ -215,11 +215,20 @@ DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const Light
     cast += n;
     n = 0;
   };
-  for (std::size_t i = 0; i < draws; ++i) {
+  // In the order of the lights that are chosen, so that what is near each other in the level is asked for one after the other.
+  struct Numbers {
+    glm::vec2 u;
+    std::uint32_t index;
+  };
+  thread_local std::vector<Numbers> sorted;
+  sorted.clear();
+  for (std::uint32_t i = 0; i < draws; ++i) sorted.push_back({address.point2(i), i});
+  std::ranges::sort(sorted, [](const Numbers& a, const Numbers& b) { return a.u.x != b.u.x ? a.u.x < b.u.x : a.index < b.index; });
+  std::size_t group = 0;
+  for (const auto& [u, i] : sorted) {
     const SurfacePoint& p = places[i % places.size()];
-    const glm::vec2 u = address.point2(std::uint32_t(i));
     double pick = double(u.x);
-    const LightTree::Choice choice = lights.choose(p, pick);
+    const LightTree::Choice choice = lights.choose(p, pick, group);
     if (!(choice.share > 0.0)) continue;
     if (choice.light < tree_.punctualCount()) {
       const Light& light = scene_.lights[choice.light];

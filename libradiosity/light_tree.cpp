@@ -253,11 +253,12 @@ LightTree::Groups::Groups(const LightTree& tree, const LightCut& cut, const Surf
   }
 }
 
-LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u) const {
+LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u, std::size_t& g) const {
   if (!(total_ > 0.0)) return {};
   const std::span<const double> begins(begin_.data(), cut_.groups.size());
   const double pick = u * total_;
-  const std::size_t g = partAt(begins, pick);
+  if (begins[g] > pick) g = 0;
+  while (g + 1 < begins.size() && begins[g + 1] <= pick) ++g;
   const double part = (g + 1 < begins.size() ? begins[g + 1] : total_) - begins[g];
   double share = part / total_;
   u = std::min((pick - begins[g]) / part, kBelowOne);
@@ -267,7 +268,9 @@ LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u) co
     if (n->alike && n->radius_m * n->radius_m < kCompact * kCompact * glm::dot(to, to)) {
       const std::span<const double> before(tree_.before_.data() + n->first, n->count + 1);
       const double strength = before.back() - before[0], at = before[0] + u * strength;
-      const std::size_t k = std::min(partAt(before, at), std::size_t(n->count) - 1);
+      // Of even lights, the one that u points at.
+      auto k = std::min(std::size_t(u * n->count), std::size_t(n->count) - 1);
+      if (!(before[k] <= at && at < before[k + 1])) k = std::min(partAt(before, at), std::size_t(n->count) - 1);
       const double own = before[k + 1] - before[k];
       u = std::clamp((at - before[k]) / own, 0.0, kBelowOne);
       return {tree_.lights_[n->first + k], share * own / strength};

@@ -44,8 +44,9 @@ class LightTree {
   class Groups {
    public:
     Groups(const LightTree&, const LightCut&, const SurfacePoint&);
-    /// For a place of the neighbourhood; u in [0, 1) comes back as what is left of it.
-    Choice choose(const SurfacePoint&, double& u) const;
+    /// For a place of the neighbourhood; u in [0, 1) comes back as what is left of it. `at` remembers the group between calls (0 at first):
+    /// where u rises from call to call, a group is found at once, and lights near each other are met one after the other.
+    Choice choose(const SurfacePoint&, double& u, std::size_t& at) const;
 
    private:
     const LightTree& tree_;

@@ -118,9 +118,10 @@ TEST(LightTree, ChoicesAreUnbiased) {
       for (const std::uint32_t l : cut.punctual) asked += hall.given(l, p);
       for (const std::uint32_t e : cut.emitters) asked += hall.given(hall.tree.punctualCount() + e, p);
       constexpr int kDraws = 20000;
+      std::size_t group = 0;
       for (int d = 0; d < kDraws; ++d) {
         double u = random.in(0.0, 1.0);
-        const LightTree::Choice c = groups.choose(p, u);
+        const LightTree::Choice c = groups.choose(p, u, group);
         ASSERT_GE(u, 0.0);
         ASSERT_LT(u, 1.0);
         const double x = c.share > 0.0 ? hall.given(c.light, p) / c.share : 0.0;
