@@ -14,13 +14,13 @@ namespace lmc {
 namespace {
 
 constexpr std::size_t kFewLights = 24;  // are all asked by themselves
-constexpr double kAlone = 0.02;         // of all that might be given: from here on a light is asked by itself
+constexpr double kAlone = 0.03;         // of all that might be given: from here on a light is asked by itself
 constexpr double kTouching = 2.0;       // radii of an emitter: nearer ones are asked by themselves, for places on them give unlike
 constexpr std::size_t kMostAlone = 32;
 constexpr double kFine = 0.002;  // of all that might be given: groups of less are not parted
 constexpr double kByStrength = 0.05;
 constexpr double kAlikeCosine = 0.9;  // to the axis, of emitters that shine alike
-constexpr double kCompact = 0.2;      // radius over distance: below it lights of a node that shine alike are chosen by strength
+constexpr double kCompact = 0.25;      // radius over distance: below it lights of a node that shine alike are chosen by strength
 constexpr double kHemisphere = kPi / 2.0;
 
 double angleBetween(const glm::dvec3& a, const glm::dvec3& b) { return std::atan2(glm::length(glm::cross(a, b)), glm::dot(a, b)); }

@@ -29,7 +29,7 @@ struct Receivers {
 
 class LightTree {
  public:
-  static constexpr std::size_t kMostNodes = 128;  ///< of a cut
+  static constexpr std::size_t kMostNodes = 256;  ///< of a cut
   static constexpr std::size_t kFewNodes = 16;    ///< of a cut that serves a single place: it is made for a handful of rays
   LightTree(const Scene&, const Emitters&);
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <unordered_map>
 
 #include "libradiosity/light_map.h"
 #include "libscene/constants.h"
@@ -28,6 +29,8 @@ std::uint32_t edgePlaces(double goal) { return goal <= 0.01 ? kMostPlaces : goal
 
 constexpr int kSpan = kTile + 2 * kApron;
 constexpr int kCutBlock = 16;  // texels that share a cut: few enough that lights are near or far for all of them
+
+constexpr int kShareBlock = 4;  // texels that share how groups are chosen: their places see about the same
 
 /// Which lights each texel of a tile asks: one cut for the texels of a chart in a block. Apron texels go with the block beside them.
 class TileCuts {
@@ -84,6 +87,7 @@ class TileCuts {
     }
   }
   const LightCut& of(int x, int y) const { return cuts_[of_[cell(x, y)]]; }
+  std::uint32_t numberAt(int x, int y) const { return of_[cell(x, y)]; }
   bool empty() const {
     return std::ranges::all_of(cuts_, [](const LightCut& c) { return c.empty(); });
   }
@@ -117,6 +121,7 @@ class TileDirect {
       first_[TileCuts::cell(x, y)] = count;
       count += partsOf(cuts_.of(x, y));
     });
+    shareGroups();
     parts_.resize(count);
     forCovered(kApron, [&](int x, int y) {
       Sampling s(*this, x, y);
@@ -126,7 +131,26 @@ class TileDirect {
   }
 
  private:
+  /// One table of shares for the texels of a cut in a block: it would take longer to make than its draws.
+  void shareGroups() {
+    sharesOf_.assign(std::size_t(kSpan) * kSpan, kNone);
+    std::unordered_map<std::uint64_t, std::uint32_t> known;
+    forCovered(kApron, [&](int x, int y) {
+      const LightCut& cut = cuts_.of(x, y);
+      if (cut.groups.empty()) return;
+      const auto bx = std::uint64_t((x + kApron) / kShareBlock), by = std::uint64_t((y + kApron) / kShareBlock);
+      const auto [it, isNew] =
+          known.try_emplace(std::uint64_t(cuts_.numberAt(x, y)) << 32 | by << 16 | bx, std::uint32_t(shares_.size()));
+      if (isNew) shares_.push_back(direct_.groupsAt(cut, TexelSampler(scene_, tile_, tile_.at(x, y)).at({0.5, 0.5})));
+      sharesOf_[TileCuts::cell(x, y)] = it->second;
+    });
+  }
+
   static std::size_t partsOf(const LightCut& c) { return c.punctual.size() + !c.emitters.empty() + !c.groups.empty(); }
+  const LightTree::Groups* sharesAt(int x, int y) const {
+    const std::uint32_t i = sharesOf_[TileCuts::cell(x, y)];
+    return i == kNone ? nullptr : &shares_[i];
+  }
   Part& part(int x, int y, std::size_t k) { return parts_[first_[TileCuts::cell(x, y)] + k]; }
 
   template <class F>
@@ -140,7 +164,7 @@ class TileDirect {
   class Sampling {
    public:
     Sampling(const TileDirect& tile, int x, int y)
-        : tile_(tile), cut_(tile.cuts_.of(x, y)), sampler_(tile.scene_, tile.tile_, tile.tile_.at(x, y)) {
+        : tile_(tile), cut_(tile.cuts_.of(x, y)), shares_(tile.sharesAt(x, y)), sampler_(tile.scene_, tile.tile_, tile.tile_.at(x, y)) {
       for (std::uint32_t h = 0; h < 2; ++h)
         numbers_[h] = sequence(tile.seed_, Draw::Direct, 0, 0, std::uint32_t(tile.tile_.x0 + x), std::uint32_t(tile.tile_.y0 + y), h);
     }
@@ -158,8 +182,7 @@ class TileDirect {
         } else if (!isGroups(cut_, k)) {
           p = tile_.direct_.emitters(at, cut_.emitters, numbers_[h]);
         } else {
-          if (!groups_) groups_.emplace(tile_.direct_.groupsAt(cut_, at_[0][0]));
-          p = tile_.direct_.groups(at, *groups_, draws, numbers_[h]);
+          p = tile_.direct_.groups(at, *shares_, draws, numbers_[h]);
         }
         out.half[h] = Rgb(p.illuminance);
         sum += p;
@@ -180,11 +203,11 @@ class TileDirect {
     }
     const TileDirect& tile_;
     const LightCut& cut_;
+    const LightTree::Groups* shares_;  // nullptr = the cut has no groups
     const TexelSampler sampler_;
     std::array<Sobol4, 2> numbers_{Sobol4(0), Sobol4(0)};
     std::array<std::array<SurfacePoint, kMostPlaces>, 2> at_;
     std::uint32_t placed_ = 0;
-    std::optional<LightTree::Groups> groups_;
   };
 
   static bool isGroups(const LightCut& cut, std::size_t k) { return k == cut.punctual.size() + !cut.emitters.empty(); }
@@ -299,6 +322,8 @@ class TileDirect {
   TileCuts cuts_;
   std::vector<std::size_t> first_;
   std::vector<Part> parts_;
+  std::vector<LightTree::Groups> shares_;
+  std::vector<std::uint32_t> sharesOf_;  // one a texel, the apron included; kNone = its cut has no groups
 };
 
 }  // namespace
