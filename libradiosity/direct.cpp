@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cmath>
 
@@ -215,17 +216,21 @@ DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const Light
     cast += n;
     n = 0;
   };
-  // In the order of the lights that are chosen, so that what is near each other in the level is asked for one after the other.
+  // In the order of the lights that are chosen, so that what is near each other in the level is asked for one after the other: of 2^m
+  // points of a scrambled Sobol sequence each lies in a stratum of its own.
   struct Numbers {
     glm::vec2 u;
     std::uint32_t index;
   };
-  thread_local std::vector<Numbers> sorted;
-  sorted.clear();
-  for (std::uint32_t i = 0; i < draws; ++i) sorted.push_back({address.point2(i), i});
-  std::ranges::sort(sorted, [](const Numbers& a, const Numbers& b) { return a.u.x != b.u.x ? a.u.x < b.u.x : a.index < b.index; });
+  thread_local std::vector<Numbers> numbers;
+  numbers.resize(draws);
+  const bool stratified = std::has_single_bit(draws);
+  for (std::uint32_t i = 0; i < draws; ++i) {
+    const glm::vec2 u = address.point2(i);
+    numbers[stratified ? std::size_t(u.x * float(draws)) : std::size_t(i)] = {u, i};
+  }
   std::size_t group = 0;
-  for (const auto& [u, i] : sorted) {
+  for (const auto& [u, i] : numbers) {
     const SurfacePoint& p = places[i % places.size()];
     double pick = double(u.x);
     const LightTree::Choice choice = lights.choose(p, pick, group);

@@ -17,10 +17,10 @@ constexpr std::size_t kFewLights = 24;  // are all asked by themselves
 constexpr double kAlone = 0.03;         // of all that might be given: from here on a light is asked by itself
 constexpr double kTouching = 2.0;       // radii of an emitter: nearer ones are asked by themselves, for places on them give unlike
 constexpr std::size_t kMostAlone = 32;
-constexpr double kFine = 0.002;  // of all that might be given: groups of less are not parted
+constexpr double kFine = 0.0005;  // of all that might be given: groups of less are not parted
 constexpr double kByStrength = 0.05;
 constexpr double kAlikeCosine = 0.9;  // to the axis, of emitters that shine alike
-constexpr double kCompact = 0.25;      // radius over distance: below it lights of a node that shine alike are chosen by strength
+constexpr double kCompact = 0.25;     // radius over distance: below it lights of a node that shine alike are chosen by strength
 constexpr double kHemisphere = kPi / 2.0;
 
 double angleBetween(const glm::dvec3& a, const glm::dvec3& b) { return std::atan2(glm::length(glm::cross(a, b)), glm::dot(a, b)); }
@@ -238,7 +238,8 @@ LightCut LightTree::cutFor(const Receivers& r, std::size_t mostNodes) const {
   return cut;
 }
 
-LightTree::Groups::Groups(const LightTree& tree, const LightCut& cut, const SurfacePoint& p) : tree_(tree), cut_(cut) {
+LightTree::Groups::Groups(const LightTree& tree, const LightCut& cut, const SurfacePoint& p)
+    : tree_(tree), cut_(cut), begin_(cut.groups.size()) {
   double given = 0.0, strengths = 0.0;
   for (std::size_t g = 0; g < cut.groups.size(); ++g) {
     const Node& n = tree.nodes_[cut.groups[g]];
@@ -255,13 +256,12 @@ LightTree::Groups::Groups(const LightTree& tree, const LightCut& cut, const Surf
 
 LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u, std::size_t& g) const {
   if (!(total_ > 0.0)) return {};
-  const std::span<const double> begins(begin_.data(), cut_.groups.size());
   const double pick = u * total_;
-  if (begins[g] > pick) g = 0;
-  while (g + 1 < begins.size() && begins[g + 1] <= pick) ++g;
-  const double part = (g + 1 < begins.size() ? begins[g + 1] : total_) - begins[g];
+  if (begin_[g] > pick) g = 0;
+  while (g + 1 < begin_.size() && begin_[g + 1] <= pick) ++g;
+  const double part = (g + 1 < begin_.size() ? begin_[g + 1] : total_) - begin_[g];
   double share = part / total_;
-  u = std::min((pick - begins[g]) / part, kBelowOne);
+  u = std::min((pick - begin_[g]) / part, kBelowOne);
   const Node* n = &tree_.nodes_[cut_.groups[g]];
   while (n->child != kNone) {
     const glm::dvec3 to = n->centre_m - p.position_m;

@@ -1,7 +1,6 @@
 #pragma once
 /// All lights of a level in one tree, so that a place asks the lights that matter there and not every one of them: near and strong lights
 /// each by itself, the rest as groups that are sampled in proportion to what they may give [conty2018].
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -29,7 +28,7 @@ struct Receivers {
 
 class LightTree {
  public:
-  static constexpr std::size_t kMostNodes = 256;  ///< of a cut
+  static constexpr std::size_t kMostNodes = 512;  ///< of a cut
   static constexpr std::size_t kFewNodes = 16;    ///< of a cut that serves a single place: it is made for a handful of rays
   LightTree(const Scene&, const Emitters&);
 
@@ -51,7 +50,7 @@ class LightTree {
    private:
     const LightTree& tree_;
     const LightCut& cut_;
-    std::array<double, kMostNodes> begin_;  // cumulative
+    std::vector<double> begin_;  // cumulative
     double total_ = 0.0;
   };
   std::uint32_t punctualCount() const { return punctualCount_; }

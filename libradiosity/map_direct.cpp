@@ -139,8 +139,7 @@ class TileDirect {
       const LightCut& cut = cuts_.of(x, y);
       if (cut.groups.empty()) return;
       const auto bx = std::uint64_t((x + kApron) / kShareBlock), by = std::uint64_t((y + kApron) / kShareBlock);
-      const auto [it, isNew] =
-          known.try_emplace(std::uint64_t(cuts_.numberAt(x, y)) << 32 | by << 16 | bx, std::uint32_t(shares_.size()));
+      const auto [it, isNew] = known.try_emplace(std::uint64_t(cuts_.numberAt(x, y)) << 32 | by << 16 | bx, std::uint32_t(shares_.size()));
       if (isNew) shares_.push_back(direct_.groupsAt(cut, TexelSampler(scene_, tile_, tile_.at(x, y)).at({0.5, 0.5})));
       sharesOf_[TileCuts::cell(x, y)] = it->second;
     });
