@@ -14,7 +14,7 @@ namespace lmc {
 namespace {
 
 constexpr std::size_t kFewLights = 24;  // are all asked by themselves
-constexpr double kAlone = 0.03;         // of all that might be given: from here on a light is asked by itself
+constexpr double kAlone = 0.02;         // of all that might be given: from here on a light is asked by itself
 constexpr double kTouching = 2.0;       // radii of an emitter: nearer ones are asked by themselves, for places on them give unlike
 constexpr std::size_t kMostAlone = 32;
 constexpr double kFine = 0.0005;  // of all that might be given: groups of less are not parted

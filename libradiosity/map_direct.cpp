@@ -17,7 +17,7 @@ constexpr std::uint32_t kMostPlaces = 128;
 constexpr std::size_t kDrawsAPlace = 2;  // of groups, at first
 constexpr std::size_t kPilotDraws = kDrawsAPlace * kPilotPlaces;
 constexpr std::size_t kMostDraws = 1024;    // of groups, each half
-constexpr double kGroupNoise = 0.6;         // of the goal times a texel's light: what groups may leave in the mean of its halves
+constexpr double kGroupNoise = 0.5;         // of the goal times a texel's light: what groups may leave in the mean of its halves
 constexpr int kPool = 2;                    // texels to each side over which that noise is estimated
 constexpr double kSamplingExponent = 0.75;  // error ~ places^-0.75
 constexpr double kStep = 0.3;               // of a texel's light: groups that change so much from texel to texel do within one, too
@@ -30,7 +30,7 @@ std::uint32_t edgePlaces(double goal) { return goal <= 0.01 ? kMostPlaces : goal
 constexpr int kSpan = kTile + 2 * kApron;
 constexpr int kCutBlock = 16;  // texels that share a cut: few enough that lights are near or far for all of them
 
-constexpr int kShareBlock = 4;  // texels that share how groups are chosen: their places see about the same
+constexpr int kShareBlock = 2;  // texels that share how groups are chosen: their places see about the same
 
 /// Which lights each texel of a tile asks: one cut for the texels of a chart in a block. Apron texels go with the block beside them.
 class TileCuts {

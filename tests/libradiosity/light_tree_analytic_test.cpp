@@ -9,6 +9,7 @@
 
 #include "libradiosity/direct.h"
 #include "libradiosity/form_factor.h"
+#include "libradiosity/light_map.h"
 #include "libradiosity/light_tree.h"
 #include "libradiosity/lights.h"
 #include "libscene/constants.h"
@@ -193,6 +194,37 @@ TEST(LightTree, CutsAreBoundedAndNameNoLightTwice) {
   }
   EXPECT_LE(largest, LightTree::kMostNodes);
   EXPECT_GT(largest, 8u);
+}
+
+TEST(LightTree, ThousandsOfPanelsTakeAtMostFiveTimesTheRaysOfTenWithinTheGoal) {
+  // The same light from 2 x nx x nz triangles under the ceiling of a hall with screens, which hide some of them everywhere.
+  const auto baked = [](int nx, int nz) {
+    test::SceneBuilder s;
+    const auto grey = s.material(Rgb(0.5f)), shine = s.material(Rgb(0.0f), Rgb(2000.0f));
+    s.room({0, 0, 0}, {40, 6, 20}, {grey, grey, grey, grey, grey, grey});
+    for (int k = 0; k < 4; ++k) s.quad({6.0f + 8.0f * float(k), 0, 6}, {0, 0, 8}, {0, 4, 0}, grey);
+    const float side = std::sqrt(8.0f / float(nx * nz));
+    for (int i = 0; i < nx; ++i)
+      for (int j = 0; j < nz; ++j) {
+        const float x = (float(i) + 0.5f) * 40.0f / float(nx), z = (float(j) + 0.5f) * 20.0f / float(nz);
+        s.quad({x - side / 2, 5.6f, z - side / 2}, {side, 0, 0}, {0, 0, side}, shine);
+        s.scene.objects.back().receive = false;
+      }
+    const lmc::Run run;
+    const Charts charts = findCharts(s.scene, 256, run);
+    const TexelMap texels(s.scene, charts, 256, 256);
+    const Tracer tracer(s.scene);
+    const DirectLight direct(s.scene, tracer, true);
+    LightMap map = startMap(s.scene, texels, run);
+    bakeDirect(map, s.scene, texels, direct, {.goal = 0.02}, run);
+    return std::pair(double(tracer.rays(Purpose::Emitter)), ledger(map, s.scene, 0.0, 0.0).noise);
+  };
+  const auto [fewRays, fewNoise] = baked(5, 2);
+  const auto [manyRays, manyNoise] = baked(80, 40);
+  std::printf("figure: 20 triangles %.3g rays, noise %.2f %%; 6400 triangles %.3g rays, noise %.2f %%\n", fewRays, 100.0 * fewNoise,
+              manyRays, 100.0 * manyNoise);
+  EXPECT_LT(manyRays, 5.0 * fewRays);
+  EXPECT_LT(manyNoise, 0.02) << "the goal";
 }
 
 TEST(LightTree, HallOf200LampsIsBakedWithinItsStatedError) {
