@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <unordered_map>
-#include <unordered_set>
 
+#include "libradiosity/slopes.h"
 #include "libscene/parallel.h"
 #include "libscene/sampling.h"
 #include "libscene/texture.h"
@@ -25,15 +25,15 @@ SurfacePoint place(const Scene& scene, const PatchMesh& mesh, const Patch& patch
   return p;
 }
 
-/// Patches of twice the size: by object, direction and cell of space.
+/// Patches of twice the size: by object, direction, size and cell of space.
 std::vector<std::uint32_t> coarseGroups(const PatchMesh& mesh, std::uint32_t& count) {
   std::unordered_map<std::uint64_t, std::uint32_t> cell;
   std::vector<std::uint32_t> group(mesh.patches.size());
   count = 0;
   for (std::size_t i = 0; i < group.size(); ++i) {
     const Patch& p = mesh.patches[i];
-    const glm::dvec3 c = glm::floor(p.centre_m / (2.0 * mesh.size_m)), n = glm::floor(2.0 * p.normal + 0.5);
-    std::uint64_t key = combine(p.object, p.back);
+    const glm::dvec3 c = glm::floor(p.centre_m / (2.0 * double(p.size_m))), n = glm::floor(2.0 * p.normal + 0.5);
+    std::uint64_t key = combine(combine(p.object, p.back), p.level);
     for (int k = 0; k < 3; ++k) key = combine(key, combine(std::uint64_t(std::int64_t(c[k])), std::uint64_t(std::int64_t(n[k]))));
     const auto [it, fresh] = cell.try_emplace(key, count);
     if (fresh) ++count;
@@ -53,76 +53,6 @@ std::vector<Rgb> groupMeans(const PatchMesh& mesh, const std::vector<std::uint32
   std::vector<Rgb> out(values.size());
   for (std::size_t i = 0; i < values.size(); ++i) out[i] = area[group[i]] > 0.0 ? Rgb(sum[group[i]] / area[group[i]]) : values[i];
   return out;
-}
-
-/// How a value changes over a patch, by least squares from the patches beside it: a patch's mean alone makes what is seen beyond the
-/// nearest part of a wall too dark by what that part is darker.
-class Slopes {
- public:
-  /// `patchOf`: one a texel; patches that meet in neighbour texels of a chart are neighbours.
-  Slopes(const PatchMesh& mesh, const DirectMap& map, const std::vector<std::uint32_t>& patchOf) : mesh_(mesh), sums_(mesh.patches.size()) {
-    std::unordered_set<std::uint64_t> known;
-    const auto meet = [&](std::size_t i, std::size_t k) {
-      const std::uint32_t a = patchOf[i], b = patchOf[k];
-      if (a == b || a == kNone || b == kNone || map.chart[i] != map.chart[k]) return;
-      if (known.insert((std::uint64_t(std::min(a, b)) << 32) | std::max(a, b)).second) pairs_.push_back({a, b});
-    };
-    for (int y = 0; y < map.height; ++y)
-      for (int x = 0; x < map.width; ++x) {
-        const std::size_t i = std::size_t(y) * std::size_t(map.width) + std::size_t(x);
-        if (x + 1 < map.width) meet(i, i + 1);
-        if (y + 1 < map.height) meet(i, i + std::size_t(map.width));
-      }
-    for (const auto& [a, b] : pairs_) {
-      add(a, b);
-      add(b, a);
-    }
-    for (Sum& s : sums_) {
-      const double trace = s.moment[0][0] + s.moment[1][1] + s.moment[2][2];
-      if (!(trace > 0.0)) continue;
-      // Neighbours along one line say nothing of the other direction: there the slope is none.
-      s.inverse = glm::inverse(s.moment + kRidge * trace * glm::dmat3(1.0));
-      s.known = true;
-    }
-  }
-
-  /// Change of `values` per metre, a column a channel.
-  std::vector<glm::mat3> of(const std::vector<Rgb>& values) const {
-    std::vector<glm::dmat3> right(values.size(), glm::dmat3(0.0));
-    const auto add = [&](std::uint32_t a, std::uint32_t b) {
-      const glm::dvec3 d = mesh_.patches[b].centre_m - mesh_.patches[a].centre_m, v = glm::dvec3(values[b]) - glm::dvec3(values[a]);
-      for (int c = 0; c < 3; ++c) right[a][c] += v[c] * d;
-    };
-    for (const auto& [a, b] : pairs_) {
-      add(a, b);
-      add(b, a);
-    }
-    std::vector<glm::mat3> out(values.size(), glm::mat3(0.0f));
-    for (std::size_t i = 0; i < values.size(); ++i)
-      if (sums_[i].known)
-        for (int c = 0; c < 3; ++c) out[i][c] = glm::vec3(sums_[i].inverse * right[i][c]);
-    return out;
-  }
-
- private:
-  static constexpr double kRidge = 0.02;
-  struct Sum {
-    glm::dmat3 moment{0.0}, inverse{0.0};
-    bool known = false;
-  };
-  void add(std::uint32_t a, std::uint32_t b) {
-    const glm::dvec3 d = mesh_.patches[b].centre_m - mesh_.patches[a].centre_m;
-    sums_[a].moment += glm::outerProduct(d, d);
-  }
-  const PatchMesh& mesh_;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
-  std::vector<Sum> sums_;
-};
-
-/// mean + slope * offset, between nothing and twice the mean.
-Rgb sloped(const Rgb& mean, const glm::mat3& slope, const glm::vec3& offset) {
-  const Rgb value = mean + Rgb(glm::dot(slope[0], offset), glm::dot(slope[1], offset), glm::dot(slope[2], offset));
-  return glm::clamp(value, Rgb(0.0f), 2.0f * mean);
 }
 
 }  // namespace
@@ -236,7 +166,8 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
     coarseIndirect[h] = groupMeans(mesh, group, count, coarser ? coarseIndirect[h] : indirect[h]);
     for (std::size_t i = 0; i < mesh.patches.size(); ++i) {
       const Rgb rho = mesh.patches[i].reflectance;
-      patches_[h].push_back({rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect[h][i])});
+      patches_[h].push_back(
+          {rho * (light.direct[i] + indirect[h][i]), rho * (coarseDirect[i] + coarseIndirect[h][i]), mesh.patches[i].size_m});
     }
   }
   if (!texels || !map) return;
@@ -248,29 +179,17 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
     uvs_[t] = {size * scene.uv1[v.x], size * (scene.uv1[v.y] - scene.uv1[v.x]), size * (scene.uv1[v.z] - scene.uv1[v.x]),
                map.charts->chartOf[t]};
   }
-  std::vector<std::uint32_t> patchOf(texels_[0].size(), kNone);
-  std::vector<glm::vec3> offset_m(texels_[0].size(), glm::vec3(0.0f));  // from the patch's centre to the texel's middle
-  parallelFor(run, texels->tileCount(), 1, [&](std::size_t tileIndex) {
-    const TexelTile tile = texels->texels(tileIndex);
-    for (int y = 0; y < tile.height; ++y)
-      for (int x = 0; x < tile.width; ++x) {
-        if (tile.at(x, y).fragmentCount == 0) continue;
-        const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
-        const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(map.width) + std::size_t(tile.x0 + x);
-        patchOf[i] = mesh.patchAt(p.triangle, p.bary, true);
-        if (patchOf[i] != kNone) offset_m[i] = glm::vec3(p.position_m - mesh.patches[patchOf[i]].centre_m);
-      }
-  });
-  const Slopes slopes(mesh, map, patchOf);
+  const Slopes slopes(scene, mesh, map, *texels, run);
   for (std::size_t h = 0; h < 2; ++h) {
-    const std::vector<glm::mat3> slope = slopes.of(indirect[h]);
-    for (std::size_t i = 0; i < patchOf.size(); ++i) {
-      const std::uint32_t id = patchOf[i];
+    const std::vector<Rgb> fine = slopes.overTexels(indirect[h]);
+    for (std::size_t i = 0; i < fine.size(); ++i) {
+      const std::uint32_t id = slopes.patchOf()[i];
       if (id == kNone) continue;
-      const Rgb rho = mesh.patches[id].reflectance;
-      const Rgb fine = sloped(indirect[h][id], slope[id], offset_m[i]);
+      const Patch& p = mesh.patches[id];
       // The coarse copy lies as flat as patches do: what slopes mend is a measure of what they leave.
-      texels_[h][i] = {{rho * (map.illuminance[i] + fine), rho * (map.illuminance[i] + coarseIndirect[h][id])}, map.chart[i]};
+      texels_[h][i] = {
+          {p.reflectance * (map.illuminance[i] + fine[i]), p.reflectance * (map.illuminance[i] + coarseIndirect[h][id]), p.size_m},
+          map.chart[i]};
     }
   }
 }

@@ -48,8 +48,9 @@ class Field {
   Field(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap*, const PatchLight&, std::array<const Bounced*, 2> solutions,
         const Bounced* coarser, const Run&);
   struct Seen {
-    Rgb exitance{0.0f};  ///< B [lm/m^2]; emitted light is not in it
-    Rgb coarse{0.0f};    ///< the same from patches twice the size
+    Rgb exitance{0.0f};   ///< B [lm/m^2]; emitted light is not in it
+    Rgb coarse{0.0f};     ///< the same from patches twice the size
+    float size_m = 0.0f;  ///< of the patch
   };
   Seen at(const Hit&, int half) const;
 
@@ -57,7 +58,6 @@ class Field {
   const Rgb* reflectanceAt(const Hit&) const;
   /// Direct light at the very place, where the map knows it for sure; nullptr at edges of shadows, off the map, on backs.
   const Rgb* sureDirectAt(const Hit&) const;
-  double patchSize_m() const { return mesh_.size_m; }
 
  private:
   const Scene& scene_;

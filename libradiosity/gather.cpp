@@ -9,7 +9,7 @@ namespace lmc {
 namespace {
 
 constexpr std::uint32_t kBatch = 256;
-constexpr double kNear = 1.0;  // sizes of a patch: nearer hits are evaluated at the place
+constexpr float kNear = 1.0f;  // sizes of the patch that was hit: nearer hits are evaluated at the place
 
 }  // namespace
 
@@ -65,7 +65,6 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
   std::array<float, kBatch> weight;
   std::vector<NearHit> near;
   const float sky = float(kPi) * (scene_.sky.r + scene_.sky.g + scene_.sky.b);
-  const double nearest_m = field_ && nearHits_ ? kNear * field_->patchSize_m() : 0.0;
   guide.count(end - begin);
   for (std::uint32_t first = begin; first < end; first += kBatch) {
     std::size_t n = 0;
@@ -96,7 +95,7 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
       }
       const Field::Seen seen = field_->at(hits[i], half);
       guide.add(towards[i], seen.exitance.r + seen.exitance.g + seen.exitance.b, weight[i]);
-      if (double(hits[i].t) < nearest_m) {
+      if (nearHits_ && hits[i].t < kNear * seen.size_m) {
         near.push_back({hits[i], index[i], weight[i]});
         continue;
       }

@@ -28,6 +28,8 @@ struct Traits : OpenMesh::DefaultTraits {
     std::uint32_t triangle = kNone;                // of the scene
     std::array<OpenMesh::VertexHandle, 3> corner;  // in the node's order
     std::array<glm::vec2, 3> bary;                 // in the triangle's weights
+    std::uint8_t level = 0;                        // how often the size of patches is halved here
+    std::uint32_t group = kNone;                   // that was found good at this level
   };
 };
 using Mesh = OpenMesh::TriMesh_ArrayKernelT<Traits>;
@@ -90,21 +92,33 @@ Mesh weld(const Scene& scene, std::vector<PatchMesh::Node>& nodes, std::uint64_t
   return mesh;
 }
 
-/// Cuts the longest edge of the mesh in the middle until none is longer than `maxEdge_m`. The longest edge of all is the longest of both
-/// its triangles, so that angles do not get worse than those of the input; both sides of an edge are cut at one place.
+/// Of a square patch; a hair more, so that squares of the very size are not cut.
+double diameterOf_m(double size_m) { return std::sqrt(2.0) * size_m * (1.0 + 1e-9); }
+
+double halved(double length, std::uint8_t level) { return std::ldexp(length, -int(level)); }
+
+/// Cuts edges in the middle until none of a face is longer than `maxEdge_m`, halved as often as the face's level says; longest first, and
+/// an edge only when it is the longest of both its triangles (else their longest goes first, whatever their level), so that angles do not
+/// get worse than those of the input and triangles grow slowly away from small ones; both sides of an edge are cut at one place.
 void subdivide(Mesh& mesh, double maxEdge_m, std::vector<PatchMesh::Node>& nodes) {
   using Entry = std::pair<double, int>;
   const auto later = [](const Entry& a, const Entry& b) { return a.first != b.first ? a.first < b.first : a.second > b.second; };
   std::priority_queue<Entry, std::vector<Entry>, decltype(later)> queue(later);
+  const auto faceOf = [&](OpenMesh::EdgeHandle e, unsigned side) { return mesh.face_handle(mesh.halfedge_handle(e, side)); };
   const auto push = [&](OpenMesh::EdgeHandle e) {
     const double l = mesh.calc_edge_length(e);
-    if (l > maxEdge_m) queue.emplace(l, e.idx());
+    std::uint8_t level = 0;
+    for (unsigned side = 0; side < 2; ++side)
+      if (const auto f = faceOf(e, side); f.is_valid()) level = std::max(level, mesh.data(f).level);
+    if (l > halved(maxEdge_m, level)) queue.emplace(l, e.idx());
   };
   for (const auto e : mesh.edges()) push(e);
 
   struct Parent {
     OpenMesh::FaceHandle face;
     std::uint32_t node, triangle;
+    std::uint8_t level;
+    std::uint32_t group;
     std::array<OpenMesh::VertexHandle, 3> corner;  // p, q, apex: p-q is cut, p the first in the node's order
     std::array<glm::vec2, 3> bary;
   };
@@ -113,6 +127,16 @@ void subdivide(Mesh& mesh, double maxEdge_m, std::vector<PatchMesh::Node>& nodes
     queue.pop();
     const OpenMesh::EdgeHandle e = mesh.edge_handle(unsigned(index));
     if (mesh.calc_edge_length(e) != length) continue;  // was cut since
+    Entry longest{length, index};
+    for (unsigned side = 0; side < 2; ++side)
+      if (const auto f = faceOf(e, side); f.is_valid())
+        for (const OpenMesh::EdgeHandle other : mesh.fe_range(f))
+          if (const double l = mesh.calc_edge_length(other); l > longest.first) longest = {l, other.idx()};
+    if (longest.first > length) {
+      queue.emplace(length, index);
+      queue.push(longest);
+      continue;
+    }
     std::array<Parent, 2> parents;
     int count = 0;
     for (int side = 0; side < 2; ++side) {
@@ -122,8 +146,13 @@ void subdivide(Mesh& mesh, double maxEdge_m, std::vector<PatchMesh::Node>& nodes
       const OpenMesh::VertexHandle apex = mesh.opposite_vh(mesh.halfedge_handle(e, unsigned(side)));
       const auto k = std::size_t(std::ranges::find(data.corner, apex) - data.corner.begin());
       const std::size_t p = (k + 1) % 3, q = (k + 2) % 3;
-      parents[std::size_t(count++)] = {
-          f, data.node, data.triangle, {data.corner[p], data.corner[q], apex}, {data.bary[p], data.bary[q], data.bary[k]}};
+      parents[std::size_t(count++)] = {f,
+                                       data.node,
+                                       data.triangle,
+                                       data.level,
+                                       data.group,
+                                       {data.corner[p], data.corner[q], apex},
+                                       {data.bary[p], data.bary[q], data.bary[k]}};
       nodes[data.node].edge = std::uint8_t(p);
     }
     const OpenMesh::VertexHandle m = mesh.add_vertex(mesh.calc_edge_midpoint(e));
@@ -153,6 +182,8 @@ void subdivide(Mesh& mesh, double maxEdge_m, std::vector<PatchMesh::Node>& nodes
         nodes[parent.node].child[hasP ? 0 : 1] = child;
         data.node = child;
         data.triangle = parent.triangle;
+        data.level = parent.level;
+        data.group = parent.group;
         if (hasP) {
           data.corner = {parent.corner[0], m, parent.corner[2]};
           data.bary = {parent.bary[0], mid, parent.bary[2]};
@@ -182,10 +213,11 @@ struct Box {
 /// Numbers of the groups of adjacent faces, and what a group is like.
 struct Grouping {
   std::vector<std::uint32_t> groupOf;  // one a face
+  std::vector<std::uint8_t> level;     // one a group
   std::uint32_t count = 0;
 };
 
-Grouping group(const Scene& scene, const Mesh& mesh, const std::vector<Rgb>& reflectance, double diameter_m, double maxBend_rad) {
+Grouping group(const Scene& scene, const Mesh& mesh, const std::vector<Rgb>& reflectance, double size_m, double maxBend_rad) {
   Grouping g;
   g.groupOf.assign(mesh.n_faces(), kNone);
   const double minCos = std::cos(maxBend_rad);
@@ -194,6 +226,17 @@ Grouping group(const Scene& scene, const Mesh& mesh, const std::vector<Rgb>& ref
     const auto& c = mesh.data(f).corner;
     normals[std::size_t(f.idx())] = glm::normalize(glm::cross(at(mesh, c[1]) - at(mesh, c[0]), at(mesh, c[2]) - at(mesh, c[0])));
   }
+  // A group that stays keeps its faces: made anew it could straddle what the old ones kept apart.
+  std::unordered_map<std::uint32_t, std::uint32_t> kept;
+  for (const auto f : mesh.faces()) {
+    if (mesh.data(f).group == kNone) continue;
+    const auto [it, fresh] = kept.try_emplace(mesh.data(f).group, g.count);
+    if (fresh) {
+      ++g.count;
+      g.level.push_back(mesh.data(f).level);
+    }
+    g.groupOf[std::size_t(f.idx())] = it->second;
+  }
   std::deque<int> front;
   for (const auto seed : mesh.faces()) {
     if (g.groupOf[std::size_t(seed.idx())] != kNone) continue;
@@ -201,6 +244,9 @@ Grouping group(const Scene& scene, const Mesh& mesh, const std::vector<Rgb>& ref
     const std::uint32_t object = scene.triangleObject[mesh.data(seed).triangle];
     const glm::dvec3 normal = normals[std::size_t(seed.idx())];
     const Rgb rho = reflectance[std::size_t(seed.idx())];
+    const std::uint8_t level = mesh.data(seed).level;
+    const double diameter_m = halved(diameterOf_m(size_m), level);
+    g.level.push_back(level);
     Box box;
     for (const auto v : mesh.data(seed).corner) box.add(at(mesh, v));
     g.groupOf[std::size_t(seed.idx())] = id;
@@ -210,7 +256,8 @@ Grouping group(const Scene& scene, const Mesh& mesh, const std::vector<Rgb>& ref
       front.pop_front();
       for (const OpenMesh::FaceHandle n : mesh.ff_range(f)) {
         const std::size_t i = std::size_t(n.idx());
-        if (g.groupOf[i] != kNone || scene.triangleObject[mesh.data(n).triangle] != object || glm::dot(normals[i], normal) < minCos)
+        if (g.groupOf[i] != kNone || scene.triangleObject[mesh.data(n).triangle] != object || mesh.data(n).level != level ||
+            glm::dot(normals[i], normal) < minCos)
           continue;
         const Rgb d = glm::abs(reflectance[i] - rho);
         if (std::max({d.r, d.g, d.b}) > kReflectanceSpread) continue;
@@ -244,23 +291,30 @@ void joinScattered(const Scene& scene, const Mesh& mesh, Grouping& g, double siz
   }
   std::unordered_map<std::uint64_t, std::uint32_t> cell;
   std::vector<std::uint32_t> to(g.count);
+  std::vector<std::uint8_t> level;
   std::uint32_t count = 0;
   for (std::uint32_t id = 0; id < g.count; ++id) {
-    if (area[id] >= 0.1 * size_m * size_m) {
+    const double own_m = halved(size_m, g.level[id]);
+    if (area[id] >= 0.1 * own_m * own_m) {
       to[id] = count++;
+      level.push_back(g.level[id]);
       continue;
     }
-    const glm::dvec3 c = glm::floor(centre[id] / area[id] / size_m);
+    const glm::dvec3 c = glm::floor(centre[id] / area[id] / own_m);
     const glm::dvec3 n = glm::length(normal[id]) > 0.0 ? glm::normalize(normal[id]) : glm::dvec3(0.0);
     const glm::dvec3 d = glm::floor(1.5 * n + 0.5);  // 26 directions or so
-    std::uint64_t key = object[id];
+    std::uint64_t key = g.level[id] == 0 ? object[id] : combine(object[id], g.level[id]);
     for (int k = 0; k < 3; ++k) key = combine(key, combine(std::uint64_t(std::int64_t(c[k])), std::uint64_t(std::int64_t(d[k]))));
     const auto [it, fresh] = cell.try_emplace(key, count);
-    if (fresh) ++count;
+    if (fresh) {
+      ++count;
+      level.push_back(g.level[id]);
+    }
     to[id] = it->second;
   }
   for (std::uint32_t& id : g.groupOf) id = to[id];
   g.count = count;
+  g.level = std::move(level);
 }
 
 /// Share of a leaf that is not a hole.
@@ -277,25 +331,76 @@ double opaqueShare(const Scene& scene, const Leaf& leaf) {
   return double(opaque) / kMaskSamples;
 }
 
+/// Marks for halving what belongs to groups of this level over which light changes too much; whether there was any. Levels of neighbours
+/// then differ by one at most.
+bool refine(Mesh& mesh, const Grouping& groups, PatchMesh& out, const PatchOptions& options, std::uint8_t level) {
+  for (const auto f : mesh.faces()) out.nodes[mesh.data(f).node].patch = mesh.data(f).group = groups.groupOf[std::size_t(f.idx())];
+  std::vector<std::uint32_t> groupOf(options.light.size());
+  std::vector<double> area(groups.count, 0.0), sum(groups.count, 0.0), moved(groups.count, 0.0);
+  double level_m2 = 0.0, level_lm = 0.0;
+  for (std::size_t i = 0; i < groupOf.size(); ++i) {
+    const LightAt& l = options.light[i];
+    const std::uint32_t g = groupOf[i] = out.patchAt(l.triangle, l.bary, true);
+    if (g == kNone) continue;
+    area[g] += double(l.area_m2);
+    sum[g] += double(l.area_m2) * double(l.exitance);
+    level_m2 += double(l.area_m2);
+    level_lm += double(l.area_m2) * double(l.exitance);
+  }
+  if (!(level_lm > 0.0)) return false;
+  for (std::size_t i = 0; i < groupOf.size(); ++i) {
+    const LightAt& l = options.light[i];
+    const std::uint32_t g = groupOf[i];
+    if (g != kNone) moved[g] += double(l.area_m2) * std::abs(double(l.exitance) - sum[g] / area[g]);
+  }
+  // Light that the mean over a patch puts at other places of it, against what a patch of the finest size sends out on average: at a coarse
+  // patch a faint change counts as much as a strong one at a small patch.
+  const double finest_m = halved(options.size_m, options.levels);
+  const double most = options.mostMoved * level_lm / level_m2 * finest_m * finest_m;
+  std::deque<OpenMesh::FaceHandle> raised;
+  for (const auto f : mesh.faces()) {
+    const std::uint32_t g = groups.groupOf[std::size_t(f.idx())];
+    if (groups.level[g] != level || moved[g] <= most) continue;
+    mesh.data(f).level = std::uint8_t(level + 1);
+    raised.push_back(f);
+  }
+  const bool any = !raised.empty();
+  while (!raised.empty()) {
+    const auto f = raised.front();
+    raised.pop_front();
+    mesh.data(f).group = kNone;
+    for (const OpenMesh::VertexHandle v : mesh.fv_range(f))
+      for (const OpenMesh::FaceHandle n : mesh.vf_range(v)) {
+        if (mesh.data(n).level + 1 >= mesh.data(f).level) continue;
+        mesh.data(n).level = std::uint8_t(mesh.data(f).level - 1);
+        raised.push_back(n);
+      }
+  }
+  return any;
+}
+
 PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run) {
   PatchMesh out;
   out.size_m = options.size_m;
   Mesh mesh = weld(scene, out.nodes, out.unjoined);
   run.progress(0.2);
-  const double diameter_m = std::sqrt(2.0) * options.size_m * (1.0 + 1e-9);
-  subdivide(mesh, diameter_m, out.nodes);
-  run.progress(0.6);
-
-  std::vector<Rgb> reflectance(mesh.n_faces());
+  const std::uint8_t levels = options.light.empty() ? std::uint8_t(0) : options.levels;
+  Grouping groups;
+  std::vector<Rgb> reflectance;  // of each face's whole triangle: one picture must not make a patch of every leaf
   std::unordered_map<std::uint32_t, Rgb> ofTriangle;
-  for (const auto f : mesh.faces()) {
-    const std::uint32_t t = mesh.data(f).triangle;
-    const auto [it, fresh] = ofTriangle.try_emplace(t);
-    if (fresh) it->second = meanReflectance(scene, t);
-    reflectance[std::size_t(f.idx())] = it->second;
+  for (std::uint8_t level = 0;; ++level) {
+    subdivide(mesh, diameterOf_m(options.size_m), out.nodes);
+    reflectance.resize(mesh.n_faces());
+    for (const auto f : mesh.faces()) {
+      const std::uint32_t t = mesh.data(f).triangle;
+      const auto [it, fresh] = ofTriangle.try_emplace(t);
+      if (fresh) it->second = meanReflectance(scene, t);
+      reflectance[std::size_t(f.idx())] = it->second;
+    }
+    groups = group(scene, mesh, reflectance, options.size_m, options.maxBend_rad);
+    joinScattered(scene, mesh, groups, options.size_m);
+    if (level == levels || !refine(mesh, groups, out, options, level)) break;
   }
-  Grouping groups = group(scene, mesh, reflectance, diameter_m, options.maxBend_rad);
-  joinScattered(scene, mesh, groups, options.size_m);
   run.progress(0.8);
 
   // Groups become patches in order of their numbers; a double-sided one is followed by its back.
@@ -309,6 +414,8 @@ PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run)
   for (std::uint32_t g = 0; g < groups.count; ++g) {
     Patch patch;
     patch.firstLeaf = std::uint32_t(out.leaves.size());
+    patch.level = groups.level[g];
+    patch.size_m = float(halved(options.size_m, patch.level));
     double whole = 0.0;
     glm::dvec3 normal(0.0), rho(0.0);
     bool twoSided = false;
@@ -323,7 +430,8 @@ PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run)
       patch.area_m2 += open;
       normal += glm::cross(c[1] - c[0], c[2] - c[0]);
       patch.centre_m += a * (c[0] + c[1] + c[2]) / 3.0;
-      rho += a * glm::dvec3(reflectance[std::size_t(f.idx())]);
+      const bool cut = data.node != data.triangle;
+      rho += open * glm::dvec3(cut ? meanReflectance(scene, data.triangle, data.bary) : reflectance[std::size_t(f.idx())]);
       patch.object = scene.triangleObject[data.triangle];
       twoSided = scene.materialOf(data.triangle).doubleSided;
       out.leaves.push_back(leaf);
@@ -332,7 +440,7 @@ PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run)
     }
     patch.leafCount = std::uint32_t(out.leaves.size()) - patch.firstLeaf;
     patch.centre_m /= whole;
-    patch.reflectance = Rgb(rho / whole);
+    if (patch.area_m2 > 0.0) patch.reflectance = Rgb(rho / patch.area_m2);
     patch.normal = glm::length(normal) > 0.0 ? glm::normalize(normal) : glm::dvec3(0.0, 1.0, 0.0);
     for (std::uint32_t i = first[g]; i < first[g + 1]; ++i)
       for (const auto v : mesh.data(mesh.face_handle(unsigned(faceAt[i]))).corner)

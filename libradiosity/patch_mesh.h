@@ -3,6 +3,7 @@
 /// parts of like normal and reflectance, so that the number of patches follows their size and not the number of triangles.
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "libscene/run.h"
@@ -23,6 +24,8 @@ struct Patch {
   glm::dvec3 normal{0.0};  ///< unit; towards the side that it stands for
   double radius_m = 0.0;   ///< of the sphere about centre_m that holds it
   Rgb reflectance{0.0f};   ///< area mean
+  float size_m = 0.0f;     ///< side of the square that it is meant to be
+  std::uint8_t level = 0;  ///< how often PatchMesh::size_m was halved for it
   std::uint32_t object = 0;
   std::uint32_t firstLeaf = 0, leafCount = 0;
   // Where the first ray of each exposed place went (after exposePatches): what leaves the patch meets fronts, backs or nothing.
@@ -31,18 +34,30 @@ struct Patch {
   bool back = false;               ///< the back of a double-sided material: leaves run clockwise seen from this side
 };
 
+inline constexpr float kMostReflectance = 0.999f;  ///< that can be solved: at 1 a closed room has no finite solution
 inline constexpr std::uint32_t kPatchPlaces = 16;  ///< fixed places on each patch, of sequence(seed, Draw::PatchDirect, 0, 0, patch, 0, 0)
 
+/// Light that leaves a place, as far as it is known before the bounces are solved.
+struct LightAt {
+  std::uint32_t triangle = 0;
+  glm::vec2 bary{0.0f};
+  float area_m2 = 0.0f;  ///< that it stands for
+  float exitance = 0.0f;
+};
+
 struct PatchOptions {
-  double size_m = 0.5;                ///< side of the square that a patch is meant to be
+  double size_m = 0.5;                ///< side of the square that a patch is meant to be where light is even
   std::uint32_t maxPatches = 200000;  ///< above it the size grows until they fit
+  std::uint8_t levels = 0;            ///< where `light` changes over a patch its size is halved up to so often
+  std::span<const LightAt> light{};   ///< places all over the level; empty = one size everywhere
+  double mostMoved = 0.5;             ///< light that a mean may put at other places of a patch, in mean exitance * finest size^2
   double maxBend_rad = 0.35;          ///< normals of a group differ by no more from its first one
 };
 
 struct PatchMesh {
   std::vector<Patch> patches;
   std::vector<Leaf> leaves;    ///< of a patch: contiguous
-  double size_m = 0.0;         ///< PatchOptions::size_m as used
+  double size_m = 0.0;         ///< PatchOptions::size_m as used: of the coarsest patches
   std::uint64_t unjoined = 0;  ///< triangles that a non-manifold edge keeps apart from their neighbours
 
   /// The patch seen at a place of a triangle from its front or back; kNone where that side reflects nothing (back of a one-sided material).

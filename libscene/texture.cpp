@@ -102,16 +102,19 @@ bool sameColors(const Scene& scene, std::uint32_t triangle) {
   return scene.colors[t.x] == scene.colors[t.y] && scene.colors[t.x] == scene.colors[t.z];
 }
 
-/// The mean of f over the triangle by n * n equal parts of it, each at its centroid: halving both ways keeps all parts alike,
+using Part = std::array<glm::vec2, 3>;  // of a triangle: its corners
+
+/// The mean of f over a part of the triangle by n * n equal parts of that, each at its centroid: halving both ways keeps all parts alike,
 /// so the points have equal weights. Through a Mask material's holes nothing is counted.
 template <class F>
-Rgb meanOver(const Scene& scene, std::uint32_t triangle, int n, F f) {
+Rgb meanOver(const Scene& scene, std::uint32_t triangle, const Part& part, int n, F f) {
   const bool holes = scene.materialOf(triangle).alpha == Material::Alpha::Mask;
   const float cutoff = scene.materialOf(triangle).alphaCutoff;
+  const glm::vec2 e1 = (part[1] - part[0]) / float(n), e2 = (part[2] - part[0]) / float(n);
   glm::dvec3 sum(0.0);
   std::uint32_t count = 0;
   const auto add = [&](float b1, float b2) {
-    const glm::vec2 bary(b1 / float(n), b2 / float(n));
+    const glm::vec2 bary = part[0] + b1 * e1 + b2 * e2;
     if (holes && alphaAt(scene, triangle, bary) < cutoff) return;
     sum += glm::dvec3(f(bary));
     ++count;
@@ -146,20 +149,14 @@ Rgb emissionAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) {
 
 float alphaAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) { return baseColorAt(scene, triangle, bary).a; }
 
-Rgb meanReflectance(const Scene& scene, std::uint32_t triangle) {
+Rgb meanReflectance(const Scene& scene, std::uint32_t triangle, const std::array<glm::vec2, 3>& part) {
   const Material& m = scene.materialOf(triangle);
   const bool constant = !m.baseColorTexture && !m.metallicTexture && sameColors(scene, triangle);
-  const double texels = std::max(twiceTexels(scene, m.baseColorTexture, triangle), twiceTexels(scene, m.metallicTexture, triangle));
-  return meanOver(scene, triangle, constant ? 1 : pointsAcross(texels), [&](glm::vec2 b) { return reflectanceAt(scene, triangle, b); });
-}
-
-Rgb meanEmission(const Scene& scene, std::uint32_t triangle) {
-  const Material& m = scene.materialOf(triangle);
-  const bool holes = m.alpha == Material::Alpha::Mask && (m.baseColorTexture || !sameColors(scene, triangle));
-  if (m.emission == Rgb(0.0f) || (!m.emissionTexture && !holes)) return m.emission;
-  const double texels =
-      std::max(twiceTexels(scene, m.emissionTexture, triangle), holes ? twiceTexels(scene, m.baseColorTexture, triangle) : 0.0);
-  return meanOver(scene, triangle, pointsAcross(texels), [&](glm::vec2 b) { return emissionAt(scene, triangle, b); });
+  const glm::dvec2 a(part[1] - part[0]), b(part[2] - part[0]);
+  const double share = std::abs(a.x * b.y - a.y * b.x);
+  const double texels = share * std::max(twiceTexels(scene, m.baseColorTexture, triangle), twiceTexels(scene, m.metallicTexture, triangle));
+  return meanOver(scene, triangle, part, constant ? 1 : pointsAcross(texels),
+                  [&](glm::vec2 bary) { return reflectanceAt(scene, triangle, bary); });
 }
 
 }  // namespace lmc

@@ -1,5 +1,7 @@
 #pragma once
 /// Materials as functions of a place on a triangle.
+#include <array>
+
 #include "libscene/scene.h"
 
 namespace lmc {
@@ -12,9 +14,9 @@ Rgb emissionAt(const Scene&, std::uint32_t triangle, glm::vec2 bary);
 /// Alpha of base colour factor * texture * COLOR_0; below the cut-off of a Mask material a ray goes through.
 float alphaAt(const Scene&, std::uint32_t triangle, glm::vec2 bary);
 
-/// Area means over a whole triangle (for Mask materials over its opaque part). Exact for untextured materials; else by up
-/// to 4096 stratified points, about one a texture texel.
-Rgb meanReflectance(const Scene&, std::uint32_t triangle);
-Rgb meanEmission(const Scene&, std::uint32_t triangle);
+/// Area mean over a part of a triangle with these corners (for Mask materials over what is opaque of it; black where nothing is). Exact
+/// for untextured materials; else by up to 4096 stratified points, about one a texture texel.
+Rgb meanReflectance(const Scene&, std::uint32_t triangle,
+                    const std::array<glm::vec2, 3>& part = {glm::vec2(0.0f), glm::vec2(1.0f, 0.0f), glm::vec2(0.0f, 1.0f)});
 
 }  // namespace lmc

@@ -132,7 +132,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "shooting (pass by pass)")
       ->check(CLI::IsMember({"auto", "stored", "hierarchical", "dense", "shooting"}))
       ->type_name("NAME");
-  app->add_option("--patch-size", o.patchSize_m, "side of a radiosity patch in metres [default: from goal and level]")
+  app->add_option("--patch-size", o.patchSize_m,
+                  "side of all radiosity patches in metres [default: from goal and level, smaller where light changes]")
       ->check(CLI::Range(1e-9, 1e9));
   app->add_option("--max-patches", o.maxPatches, "patches at most; above it they grow")
       ->capture_default_str()
@@ -181,6 +182,12 @@ Command parseCommandLine(int argc, const char* const* argv) {
   bakeApp->add_option("-o,--out", bake.out, "folder for the outputs; made when missing")->required();
   bakeApp->add_flag("--snapshot", bake.snapshot,
                     "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
+  bakeApp
+      ->add_option_function<std::string>(
+          "--dump", [&bake](const std::string&) { bake.dumpPatches = true; },
+          "also write what was made on the way: patches (patches.obj, patches.png: patches in the map's layout, the finer the brighter)")
+      ->check(CLI::IsMember({"patches"}))
+      ->type_name("WHAT");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp

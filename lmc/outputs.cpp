@@ -7,6 +7,7 @@
 
 #include "libscene/exr.h"
 #include "libscene/level_out.h"
+#include "lmc/dump.h"
 
 namespace lmc {
 
@@ -104,6 +105,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   glb.write(level.data(), level.size());
   listed("level.glb", glb);
 
+  if (b.options.dumpPatches) dumpPatches(set, b);
   set.open("report.json").write(report.dump(2) + "\n");
 
   Json sidecar;
@@ -129,7 +131,8 @@ std::string depfileText(const Bake& b) {
 
 void refuseToOverwriteInputs(const Bake& b) {
   std::vector<std::filesystem::path> outputs;
-  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json"}) outputs.push_back(b.options.out / name);
+  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png"})
+    outputs.push_back(b.options.out / name);
   if (!b.options.depfile.empty()) outputs.push_back(b.options.depfile);
   std::error_code missing;
   for (const auto& input : b.scene.inputs)

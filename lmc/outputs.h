@@ -7,8 +7,8 @@
 
 namespace lmc {
 
-/// Opens and fills lightmap.exr, level.glb, report.json and level.lmc.json in this order (the sidecar vouches for the rest by size and
-/// hash, and is renamed last). commit() is left to the caller.
+/// Opens and fills lightmap.exr, level.glb, what --dump asks for, report.json and level.lmc.json in this order (the sidecar vouches for the
+/// rest by size and hash, and is renamed last). commit() is left to the caller.
 void writeOutputs(OutputSet&, const Bake&, const nlohmann::ordered_json& report);
 
 /// A Make rule: the sidecar depends on every input.

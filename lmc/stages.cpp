@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libradiosity/adaptive_patches.h"
 #include "libscene/exr.h"
 #include "libscene/files.h"
 #include "libscene/parallel.h"
@@ -17,13 +18,16 @@ constexpr double kDefaultTexelsPerMetre = 16.0;
 // Squares of the patch size in a level's area; about three times as many patches come of it. Their number goes with 1/goal, for their error
 // is of second order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
 constexpr double kPatchesAtTwoPercent = 3000.0;
+// Patches are that much larger where direct light and albedo are even, and halved so often where they are not: half of the number, and the
+// same error, of patches of one size.
+constexpr double kCoarsePatch = 2.0;
+constexpr std::uint8_t kPatchLevels = 2;
 constexpr std::size_t kDenseByItself = 600;    // below it the dense solver costs less than the noise of shooting
 constexpr double kStoredRays = 32.0;           // of a patch, each of two streams, at 2 %
 constexpr double kLeastStoredRays = 65536.0;   // of all patches together: few patches are seen large
 constexpr double kNearlyWhite = 0.95;          // area mean of reflectance from which shooting takes hundreds of passes: dense there
 constexpr double kPatchesNearlyWhite = 400.0;  // squares; the field of such a level is smooth
 constexpr std::size_t kDenseNearlyWhite = 1500;
-constexpr float kMostReflectance = 0.999f;     // at 1 a closed room has no finite solution
 constexpr std::uint64_t kBytesPerTexel = 180;  // of state, values and what is written, at their largest
 constexpr double kTailShare = 0.05;            // of the goal, for bounces left out
 constexpr int kLargestMap = 16384;
@@ -160,23 +164,27 @@ void patches(Bake& b) {
     b.summary = "no bounces";
     return;
   }
-  PatchOptions options;
-  options.maxPatches = b.options.maxPatches;
-  const double wanted = std::min(kPatchesAtTwoPercent * 0.02 / b.options.goal, double(options.maxPatches));
-  options.size_m = b.options.patchSize_m > 0.0 ? b.options.patchSize_m : patchSizeFor_m(b.scene, wanted);
-  b.patches = makePatches(b.scene, options, b.run);
-  b.meanReflectance = meanReflectance(b.patches);
-  if (b.meanReflectance > kNearlyWhite && b.options.patchSize_m == 0.0 && b.options.solver == Solver::Auto && b.options.passes == 0) {
-    options.size_m = patchSizeFor_m(b.scene, kPatchesNearlyWhite);
-    b.patches = makePatches(b.scene, options, b.run);
-  }
-  clampReflectance(b);
-  exposePatches(b.patches, b.scene, *b.tracer, b.run);
   // Two halves of the direct map make one for what hits see.
   std::vector<Rgb> mean(b.map.size());
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b.map.direct[0][i] + b.map.direct[1][i]);
   b.values.direct = std::move(mean);
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
+  PatchOptions options;
+  options.maxPatches = b.options.maxPatches;
+  const double wanted = std::min(kPatchesAtTwoPercent * 0.02 / b.options.goal, double(options.maxPatches));
+  options.size_m = b.options.patchSize_m > 0.0 ? b.options.patchSize_m : patchSizeFor_m(b.scene, wanted);
+  if (b.options.patchSize_m > 0.0) {
+    b.patches = makePatches(b.scene, options, b.run);
+  } else {
+    options.size_m *= kCoarsePatch;
+    options.levels = kPatchLevels;
+    b.patches = makeAdaptivePatches(b.scene, *b.tracer, *b.direct, seen, *b.texels, options, b.run);
+  }
+  b.meanReflectance = meanReflectance(b.patches);
+  if (b.meanReflectance > kNearlyWhite && b.options.patchSize_m == 0.0 && b.options.solver == Solver::Auto && b.options.passes == 0)
+    b.patches = makePatches(b.scene, {.size_m = patchSizeFor_m(b.scene, kPatchesNearlyWhite), .maxPatches = b.options.maxPatches}, b.run);
+  clampReflectance(b);
+  exposePatches(b.patches, b.scene, *b.tracer, b.run);
   b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run);
   b.summary = fmt::format("{} patches of {:.3g} m, {} faces", b.patches.patches.size(), b.patches.size_m, b.patches.leaves.size());
 }

@@ -257,6 +257,32 @@ class Bakes(Case):
                     at = next((i for i, (a, b) in enumerate(zip(files[name], first[name])) if a != b), min(len(files[name]), len(first[name])))
                     self.fail(f"{name} with -j {threads} differs from -j 1, first at byte {at}")
 
+    def test_patches_are_dumped_as_a_mesh_and_a_picture(self):
+        self.bake(sample("furnace.glb"))
+        without = content(self.out)
+        _, report = self.bake(sample("furnace.glb"), "--dump", "patches")
+        files = content(self.out)
+        self.assertEqual(sorted(set(files) - set(without)), ["patches.obj", "patches.png"])
+        self.assertEqual(files["lightmap.exr"], without["lightmap.exr"])
+        self.assertEqual(files["patches.png"][:8], b"\x89PNG\r\n\x1a\n")
+        self.assertEqual(struct.unpack(">II", files["patches.png"][16:24]), (report["maps"][0]["width"], report["maps"][0]["height"]))
+        vertices, faces, groups = [], 0, 0
+        area = 0.0
+        for line in files["patches.obj"].decode().splitlines():
+            word = line.split()
+            if word[0] == "v":
+                vertices.append(tuple(map(float, word[1:])))
+            elif word[0] == "g":
+                groups += 1
+            elif word[0] == "f":
+                a, b, c = (vertices[int(i) - 1] for i in word[1:])
+                u, v = [b[k] - a[k] for k in range(3)], [c[k] - a[k] for k in range(3)]
+                n = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+                area += 0.5 * sum(x * x for x in n) ** 0.5
+                faces += 1
+        self.assertEqual((groups, faces), (report["patches"]["count"], report["patches"]["faces"]))
+        self.assertAlmostEqual(area, 2.0 * (3.0 * 2.4 + 3.0 * 4.0 + 2.4 * 4.0), delta=1e-4)
+
     def test_outputs_name_no_place(self):
         self.bake(sample("furnace.glb"))
         for name, data in content(self.out).items():

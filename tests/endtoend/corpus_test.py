@@ -2,10 +2,11 @@
 """Broken, hostile and odd levels: no crash, no hang, strict cases refused, good ones accepted (left out where ../shared is not there).
 
 Rules: ../shared/corpus/README.md. Every glTF case through `lmc bake FILE -o OUT --map-size 64 --preset draft -j 1`, EXR through `lmc compare F F`."""
-import argparse, concurrent.futures, json, os, pathlib, re, subprocess, sys, tempfile
+import argparse, concurrent.futures, json, os, pathlib, re, resource, signal, subprocess, sys, tempfile
 
 SECONDS, SECONDS_LOAD = 5, 60
 SANITIZER_FACTOR = 12
+WAITING = 6   # a hang is told by the processor's time, so that a busy machine makes none; one that waits for nothing, by the clock
 UV_CODES = ('[LMC_UV_OVERLAP]', '[LMC_UV_MISSING]')   # this version takes light-map UVs as they are; levels without sound ones are counted apart
 
 
@@ -17,9 +18,12 @@ def judge(lmc, root, case, factor):
         exr = file.suffix.lower() == '.exr'
         command = [lmc, 'compare', str(file), str(file)] if exr else [lmc, 'bake', str(file), '-o', str(out), '--map-size', '64', '--preset', 'draft', '-j', '1', '--progress', 'none']
         try:
-            run = subprocess.run(command, capture_output=True, timeout=limit)
+            run = subprocess.run(command, capture_output=True, timeout=WAITING * limit,
+                                 preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1)))
         except subprocess.TimeoutExpired:
-            return 'hang', f'no end after {limit} s'
+            return 'hang', f'no end after {WAITING * limit} s'
+        if run.returncode == -signal.SIGXCPU:
+            return 'hang', f'no end after {limit} CPU s'
         stderr = run.stderr.decode('utf-8', 'replace')
         if run.returncode < 0 or run.returncode >= 128 or run.returncode == 9 or 'Sanitizer' in stderr or 'runtime error' in stderr:
             return 'crash', f'exit {run.returncode}: {stderr[-400:]}'

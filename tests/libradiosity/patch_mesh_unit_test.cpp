@@ -80,6 +80,79 @@ TEST(PatchMesh, CapIsKeptByGrowing) {
   EXPECT_NEAR(totalArea(mesh), 52.0, 1e-9);
 }
 
+/// Places all over a scene's triangles; `exitance` of the place [m].
+template <class F>
+std::vector<LightAt> lightOver(const Scene& scene, F exitance) {
+  std::vector<LightAt> out;
+  constexpr int kAcross = 64;
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t)
+    for (int i = 0; i < kAcross; ++i)
+      for (int j = 0; i + j < kAcross; ++j) {
+        const glm::vec2 bary((float(i) + 1.0f / 3.0f) / kAcross, (float(j) + 1.0f / 3.0f) / kAcross);
+        const auto c = scene.corners_m(t);
+        const glm::dvec3 p = c[0] + double(bary.x) * (c[1] - c[0]) + double(bary.y) * (c[2] - c[0]);
+        out.push_back({t, bary, float(area_m2(c) / (kAcross * kAcross / 2.0)), float(exitance(p))});
+      }
+  return out;
+}
+
+TEST(PatchMesh, EvenLightKeepsPatchesCoarse) {
+  const Scene scene = test::furnace(0.5f, 1.0f);
+  const std::vector<LightAt> light = lightOver(scene, [](const glm::dvec3&) { return 3.0; });
+  const std::size_t coarse = makePatches(scene, {.size_m = 0.5}, {}).patches.size();
+  const PatchMesh mesh = makePatches(scene, {.size_m = 0.5, .levels = 3, .light = light}, {});
+  EXPECT_EQ(mesh.patches.size(), coarse);
+}
+
+TEST(PatchMesh, PatchesAreSmallWhereLightChangesAndOneLevelApartFromTheirNeighbours) {
+  test::SceneBuilder b;
+  b.quad({0, 0, 0}, {8, 0, 0}, {0, 0, -8}, b.material(Rgb(0.5f)));
+  // The edge of a shadow across the floor.
+  const std::vector<LightAt> light = lightOver(b.scene, [](const glm::dvec3& p) { return p.x + 0.3 * p.z < 2.0 ? 1.0 : 0.0; });
+  const PatchMesh mesh = makePatches(b.scene, {.size_m = 1.0, .levels = 3, .light = light}, {});
+  const std::size_t evenly = makePatches(b.scene, {.size_m = 0.125}, {}).patches.size();
+  EXPECT_LT(mesh.patches.size(), evenly / 3) << "an edge is a line: finest patches go with its length";
+  EXPECT_NEAR(totalArea(mesh), 64.0, 1e-9);
+  std::uint32_t finest = 0;
+  for (const Patch& p : mesh.patches) {
+    const double away = std::abs(p.centre_m.x + 0.3 * p.centre_m.z - 2.0) / std::hypot(1.0, 0.3);
+    // The mean over such a patch moves far more light than the limit; groups that were left over are small, and may stay.
+    if (away < 0.1 * double(p.size_m) && p.area_m2 > 0.4 * double(p.size_m) * double(p.size_m))
+      EXPECT_EQ(p.level, 3) << p.centre_m.x << ' ' << p.centre_m.z;
+    if (away > 4.0) EXPECT_EQ(p.level, 0) << p.centre_m.x << ' ' << p.centre_m.z;
+    finest += p.level == 3;
+    EXPECT_LE(2.0 * p.radius_m, 2.0 * std::sqrt(2.0) * double(p.size_m) * 1.01);
+  }
+  EXPECT_GT(finest, 50u);
+  // From any place to one beside it, across leaves of different sizes.
+  const auto patchAt = [&](double x, double z) {
+    const double u = x / 8.0, v = -z / 8.0;
+    // A quad's triangles: (0, 0) (1, 0) (1, 1) and (0, 0) (1, 1) (0, 1).
+    return u >= v ? mesh.patchAt(0, glm::vec2(u - v, v), true) : mesh.patchAt(1, glm::vec2(u, v - u), true);
+  };
+  for (double z = -7.995; z < 0.0; z += 0.0625)
+    for (double x = 0.005; x < 7.99; x += 0.0625) {
+      const Patch &here = mesh.patches[patchAt(x, z)], &right = mesh.patches[patchAt(std::min(x + 0.0625, 7.995), z)];
+      EXPECT_LE(std::abs(int(here.level) - int(right.level)), 1) << x << ' ' << z;
+    }
+}
+
+TEST(PatchMesh, ReflectanceIsThePatchsOwnPartOfAPicture) {
+  test::SceneBuilder b;
+  const auto m = b.material(Rgb(1.0f));
+  b.quad({0, 0, 0}, {2, 0, 0}, {0, 0, -1}, m);
+  b.scene.images.emplace_back(64, 64, glm::u8vec4(0, 0, 0, 255));
+  for (int y = 0; y < 64; ++y)
+    for (int x = 32; x < 64; ++x) b.scene.images[0].at(x, y) = glm::u8vec4(255);
+  b.scene.materials[m].baseColorTexture.image = 0;
+  const PatchMesh mesh = makePatches(b.scene, {.size_m = 0.25}, {});
+  for (const Patch& p : mesh.patches) {  // but at the ends, where the picture repeats
+    const double to = p.centre_m.x + p.radius_m, from = p.centre_m.x - p.radius_m;
+    if (to < 0.95 && from > 0.05) EXPECT_LT(p.reflectance.r, 0.01f) << p.centre_m.x;
+    if (from > 1.05 && to < 1.95) EXPECT_GT(p.reflectance.r, 0.99f) << p.centre_m.x;
+  }
+}
+
 TEST(PatchMesh, NonManifoldEdgesDoNotEndTheRun) {
   test::SceneBuilder b;
   const auto m = b.material(Rgb(0.5f));

@@ -1,0 +1,12 @@
+#pragma once
+/// What a bake made on its way, to look at: asked for by `lmc bake --dump`.
+#include "libscene/files.h"
+#include "lmc/stages.h"
+
+namespace lmc {
+
+/// patches.obj, the faces of patches with a group each, and patches.png, the map's texels in the colours of their patches: the brighter the
+/// finer. commit() is left to the caller.
+void dumpPatches(OutputSet&, const Bake&);
+
+}  // namespace lmc
