@@ -15,12 +15,11 @@ namespace {
 
 constexpr std::size_t kFewLights = 24;  // are all asked by themselves
 constexpr double kAlone = 0.02;         // of all that might be given: from here on a light is asked by itself
-constexpr double kTouching = 2.0;       // radii of an emitter: nearer ones are asked by themselves, for places on them give unlike
 constexpr std::size_t kMostAlone = 32;
-constexpr double kFine = 0.0005;  // of all that might be given: groups of less are not parted
-constexpr double kByStrength = 0.05;
+constexpr double kFine = 0.0005;      // of all that might be given: groups of less are not parted
 constexpr double kAlikeCosine = 0.9;  // to the axis, of emitters that shine alike
 constexpr double kCompact = 0.25;     // radius over distance: below it lights of a node that shine alike are chosen by strength
+constexpr double kLeast2_m2 = 1e-12;  // square of the least distance to a lamp
 constexpr double kHemisphere = kPi / 2.0;
 
 double angleBetween(const glm::dvec3& a, const glm::dvec3& b) { return std::atan2(glm::length(glm::cross(a, b)), glm::dot(a, b)); }
@@ -42,6 +41,8 @@ constexpr double kBelowOne = 1.0 - 1e-9;
 }  // namespace
 
 void LightTree::measure(Node& n, const Extent& e) {
+  n.lo_m = e.lo;
+  n.hi_m = e.hi;
   n.centre_m = 0.5 * (e.lo + e.hi);
   n.radius_m = 0.5 * glm::length(e.hi - e.lo);
   n.spread = Angle::of(e.spread_rad);
@@ -87,6 +88,7 @@ LightTree::LightTree(const Scene& scene, const Emitters& emitters) : punctualCou
     leaf.extent.cone_rad = l.kind == Light::Kind::Spot ? std::acos(std::clamp(l.cosOuter, -1.0, 1.0)) : kPi;
     leaf.node.axis = l.direction;
     leaf.node.strength = double(strength(l.intensity));
+    leaf.node.most_lx = INFINITY;
     leaf.node.range_m = l.range_m;
     add(leaf, i);
   }
@@ -101,6 +103,7 @@ LightTree::LightTree(const Scene& scene, const Emitters& emitters) : punctualCou
     leaf.node.axis = emitter.normal;
     leaf.node.flat = true;
     leaf.node.strength = emitter.area_m2 * double(strength(emitter.radiance));
+    leaf.node.most_lx = 2.0 * kPi * double(strength(emitter.radiance));
     leaf.kind = facing(emitter.normal);
     add(leaf, punctualCount_ + e);
   }
@@ -151,6 +154,7 @@ LightTree::Extent LightTree::build(std::uint32_t node, std::vector<Leaf>& leaves
   n.first = a.first;
   n.count = a.count + b.count;
   n.strength = a.strength + b.strength;
+  n.most_lx = a.most_lx + b.most_lx;
   n.range_m = a.range_m > 0.0 && b.range_m > 0.0 ? std::max(a.range_m, b.range_m) : 0.0;
   n.flat = a.flat && b.flat;
   const glm::dvec3 axis = a.strength * a.axis + b.strength * b.axis;
@@ -167,24 +171,26 @@ LightTree::Extent LightTree::build(std::uint32_t node, std::vector<Leaf>& leaves
   return e;
 }
 
-double LightTree::bound(const Node& n, const Receivers& r) const {
+LightTree::Bound LightTree::bound(const Node& n, const Receivers& r) {
   const glm::dvec3 to = n.centre_m - r.centre_m;
-  const double reach = n.radius_m + r.radius_m, distance = glm::length(to);
-  const double window = n.range_m > 0.0 ? rangeWindow(std::max(0.0, distance - reach), n.range_m) : 1.0;
-  if (window <= 0.0) return 0.0;
-  const double cosines = mostCosines(n, to, distance, reach, r.normal, Angle::of(std::min(r.bend_rad, kPi)));
-  // A flat emitter nearer than its own size fills the view at most: its distance is never below that.
-  const double least = std::max(distance - reach, 0.0);
-  return window * n.strength * cosines / std::max({least * least, n.radius_m * n.radius_m, 1e-6 * distance * distance, 1e-12});
+  // To the box, not to its middle: the boxes of a node's two halves lie in its own, so that what bounds them adds up to about what bounds
+  // it.
+  const double gap = std::max(0.0, glm::distance(r.centre_m, glm::clamp(r.centre_m, n.lo_m, n.hi_m)) - r.radius_m);
+  const double window = n.range_m > 0.0 ? rangeWindow(gap, n.range_m) : 1.0;
+  if (window <= 0.0) return {};
+  const double cosines = mostCosines(n, to, glm::length(to), n.radius_m + r.radius_m, r.normal, Angle::of(std::min(r.bend_rad, kPi)));
+  if (cosines <= 0.0) return {};
+  const double byDistance = n.strength * cosines / std::max(gap * gap, kLeast2_m2);
+  return {window * std::min(n.most_lx, byDistance), gap <= 0.0 || byDistance >= n.most_lx};
 }
 
-double LightTree::estimate(const Node& n, const SurfacePoint& p) const {
-  const glm::dvec3 to = n.centre_m - p.position_m;
+double LightTree::estimate(const Node& n, const Receivers& r) {
+  const glm::dvec3 to = n.centre_m - r.centre_m;
   const double distance2 = glm::dot(to, to), distance = std::sqrt(distance2);
   const double window = n.range_m > 0.0 ? rangeWindow(std::max(0.0, distance - n.radius_m), n.range_m) : 1.0;
   if (window <= 0.0) return 0.0;
-  return window * n.strength * mostCosines(n, to, distance, n.radius_m, p.normal, {}) /
-         std::max({distance2, n.radius_m * n.radius_m, 1e-12});
+  return window * n.strength * mostCosines(n, to, distance, n.radius_m, r.normal, {}) /
+         std::max({distance2, n.radius_m * n.radius_m, kLeast2_m2});
 }
 
 LightCut LightTree::cutFor(const Receivers& r, std::size_t mostNodes) const {
@@ -193,64 +199,72 @@ LightCut LightTree::cutFor(const Receivers& r, std::size_t mostNodes) const {
   cut.punctual = always_;
   if (nodes_.empty()) return cut;
   const bool few = nodes_[0].count <= kFewLights;
-  using Entry = std::pair<double, std::uint32_t>;
-  const auto less = [](const Entry& a, const Entry& b) { return a.first != b.first ? a.first < b.first : a.second > b.second; };
+  struct Entry {
+    double most;
+    std::uint32_t id;
+    bool touching;
+  };
+  const auto less = [](const Entry& a, const Entry& b) { return a.most != b.most ? a.most < b.most : a.id > b.id; };
   std::priority_queue<Entry, std::vector<Entry>, decltype(less)> open(less);
   std::vector<Entry> leaves;
-  double total = 0.0;
+  double total = 0.0;  // of all but lights that touch the sphere
   const auto add = [&](std::uint32_t id) {
-    const double b = bound(nodes_[id], r);
-    if (b <= 0.0) return;
-    total += b;
-    if (nodes_[id].child == kNone)
-      leaves.emplace_back(b, id);
+    const Bound b = bound(nodes_[id], r);
+    if (b.most <= 0.0) return;
+    const bool leaf = nodes_[id].child == kNone;
+    if (!(leaf && b.touching)) total += b.most;
+    if (leaf)
+      leaves.push_back({b.most, id, b.touching});
     else
-      open.emplace(b, id);
+      open.push({b.most, id, b.touching});
   };
   add(0);
-  while (!open.empty() && (few || (leaves.size() + open.size() < mostNodes && open.top().first > kFine * total))) {
-    const auto [b, id] = open.top();
+  while (!open.empty() && (few || (leaves.size() + open.size() < mostNodes && open.top().most > kFine * total))) {
+    const Entry whole = open.top();
     open.pop();
-    total -= b;
-    add(nodes_[id].child);
-    add(nodes_[id].child + 1);
+    total -= whole.most;
+    add(nodes_[whole.id].child);
+    add(nodes_[whole.id].child + 1);
   }
   std::ranges::sort(leaves, [&](const Entry& a, const Entry& b) { return less(b, a); });
   std::size_t alone = 0;
-  for (const auto& [b, id] : leaves) {
-    const Node& n = nodes_[id];
-    const bool touching = n.flat && glm::distance(n.centre_m, r.centre_m) < r.radius_m + kTouching * n.radius_m;
-    if (!few && (alone >= kMostAlone || !(touching || b >= kAlone * total))) {
+  for (const auto& [most, id, touching] : leaves) {
+    if (!few && (alone >= kMostAlone || !(touching || most >= kAlone * total))) {
       cut.groups.push_back(id);
       continue;
     }
     ++alone;
-    const std::uint32_t light = lights_[n.first];
+    const std::uint32_t light = lights_[nodes_[id].first];
     if (light < punctualCount_)
       cut.punctual.push_back(light);
     else
       cut.emitters.push_back(light - punctualCount_);
   }
-  for (; !open.empty(); open.pop()) cut.groups.push_back(open.top().second);
+  for (; !open.empty(); open.pop()) cut.groups.push_back(open.top().id);
   std::ranges::sort(cut.punctual);
   std::ranges::sort(cut.emitters);
   std::ranges::sort(cut.groups, {}, [&](std::uint32_t id) { return nodes_[id].first; });
   return cut;
 }
 
-LightTree::Groups::Groups(const LightTree& tree, const LightCut& cut, const SurfacePoint& p)
+LightTree::Groups::Groups(const LightTree& tree, const LightCut& cut, const Receivers& r)
     : tree_(tree), cut_(cut), begin_(cut.groups.size()) {
-  double given = 0.0, strengths = 0.0;
+  thread_local std::vector<double> mosts;
+  mosts.clear();
+  double given = 0.0, most = 0.0;
   for (std::size_t g = 0; g < cut.groups.size(); ++g) {
     const Node& n = tree.nodes_[cut.groups[g]];
-    begin_[g] = tree.estimate(n, p);
+    mosts.push_back(bound(n, r).most);
+    begin_[g] = mosts[g] > 0.0 ? estimate(n, r) : 0.0;
     given += begin_[g];
-    strengths += n.strength;
+    most += mosts[g];
   }
+  if (!(most > 0.0)) return;
+  mostWeight_ = most / kByBound;
   for (std::size_t g = 0; g < cut.groups.size(); ++g) {
-    const double byGiven = given > 0.0 ? begin_[g] / given : 0.0, byStrength = tree.nodes_[cut.groups[g]].strength / strengths;
+    const double byGiven = given > 0.0 ? begin_[g] / given : 0.0;
     begin_[g] = total_;
-    total_ += (1.0 - kByStrength) * byGiven + kByStrength * byStrength;
+    total_ += (1.0 - kByBound) * byGiven + kByBound * mosts[g] / most;
   }
 }
 
@@ -262,6 +276,7 @@ LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u, st
   const double part = (g + 1 < begin_.size() ? begin_[g + 1] : total_) - begin_[g];
   double share = part / total_;
   u = std::min((pick - begin_[g]) / part, kBelowOne);
+  const Receivers here{p.position_m, 0.0, p.normal, 0.0};
   const Node* n = &tree_.nodes_[cut_.groups[g]];
   while (n->child != kNone) {
     const glm::dvec3 to = n->centre_m - p.position_m;
@@ -276,7 +291,7 @@ LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u, st
       return {tree_.lights_[n->first + k], share * own / strength};
     }
     const Node *left = &tree_.nodes_[n->child], *right = left + 1;
-    const double a = tree_.estimate(*left, p), b = tree_.estimate(*right, p);
+    const double a = bound(*left, here).most, b = bound(*right, here).most;
     if (!(a + b > 0.0)) return {};
     const double toLeft = a / (a + b);
     if (u < toLeft) {

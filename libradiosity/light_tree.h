@@ -39,10 +39,13 @@ class LightTree {
     std::uint32_t light = kNone;  ///< below punctualCount(): a punctual light, else punctualCount() + an emitter
     double share = 0.0;           ///< probability of the choice; 0 = nothing was chosen
   };
-  /// Shares of a cut's groups as one place sees them, good for its neighbourhood: a little of each goes by strength alone.
+  /// Shares of a cut's groups for all places of a small neighbourhood: by what they give to its middle, and kByBound of them by the most
+  /// that they can give anywhere in it, so that what a light gives never counts more than about mostWeight().
   class Groups {
    public:
-    Groups(const LightTree&, const LightCut&, const SurfacePoint&);
+    Groups(const LightTree&, const LightCut&, const Receivers&);
+    /// Sum of the most that the groups can give, by the share of draws that goes by it [lx].
+    double mostWeight() const { return mostWeight_; }
     /// For a place of the neighbourhood; u in [0, 1) comes back as what is left of it. `at` remembers the group between calls (0 at first):
     /// where u rises from call to call, a group is found at once, and lights near each other are met one after the other.
     Choice choose(const SurfacePoint&, double& u, std::size_t& at) const;
@@ -51,8 +54,9 @@ class LightTree {
     const LightTree& tree_;
     const LightCut& cut_;
     std::vector<double> begin_;  // cumulative
-    double total_ = 0.0;
+    double total_ = 0.0, mostWeight_ = 0.0;
   };
+  static constexpr double kByBound = 0.1;
   std::uint32_t punctualCount() const { return punctualCount_; }
 
  private:
@@ -74,11 +78,12 @@ class LightTree {
     double cosBeyond(const Angle& o) const { return cos >= o.cos ? 1.0 : cos * o.cos + sin * o.sin; }
   };
   struct Node {
-    glm::dvec3 centre_m{0.0};
+    glm::dvec3 lo_m{0.0}, hi_m{0.0}, centre_m{0.0};
     double radius_m = 0.0;
     glm::dvec3 axis{0.0};                // unit; directions of its light lie within `spread` of it
     Angle spread, cover;                 // cover: spread and the cone about each direction
     double strength = 0.0;               // sum of intensities towards the axis [cd], largest channel
+    double most_lx = 0.0;                // however near: an emitter's solid angle is below 2 pi; infinite for lamps
     double range_m = 0.0;                // beyond it from the sphere nothing shines; 0 = endless
     std::uint32_t child = kNone;         // the first of two; kNone = a leaf
     std::uint32_t first = 0, count = 0;  // its lights: [first, first + count) of lights_
@@ -99,10 +104,14 @@ class LightTree {
   static void measure(Node&, const Extent&);
   static double mostCosines(const Node&, const glm::dvec3& to, double distance, double reach, const glm::dvec3& normal, const Angle& bend);
   Extent build(std::uint32_t node, std::vector<Leaf>&, std::size_t begin, std::size_t end);
-  /// The most that the node gives to a place of the sphere [lx], but for emitters at touching distance.
-  double bound(const Node&, const Receivers&) const;
-  /// About what the node gives to a place; 0 only where it gives nothing [lx].
-  double estimate(const Node&, const SurfacePoint&) const;
+  /// The most that the node gives to a place of the sphere, each emitter counted by radiance x solid angle x cosine [lx].
+  struct Bound {
+    double most = 0.0;
+    bool touching = false;  // distance does not limit it: the node may lie in the sphere, or fill the view
+  };
+  static Bound bound(const Node&, const Receivers&);
+  /// About what the node gives to the middle of the sphere; 0 only where it gives nothing there [lx].
+  static double estimate(const Node&, const Receivers&);
 
   std::uint32_t punctualCount_ = 0;
   std::vector<std::uint32_t> always_;  // directional and classic lights: their light does not fall with the square of distance

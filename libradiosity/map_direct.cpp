@@ -32,14 +32,52 @@ constexpr int kCutBlock = 16;  // texels that share a cut: few enough that light
 
 constexpr int kShareBlock = 2;  // texels that share how groups are chosen: their places see about the same
 
+/// Where some texels are and which way they face.
+class TexelBounds {
+ public:
+  void add(const Scene& scene, const TexelTile& tile, const Texel& texel) {
+    for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
+      const Fragment& f = tile.fragments[texel.firstFragment + i];
+      const auto c = scene.corners_m(f.triangle);
+      for (std::uint32_t k = 0; k < f.cornerCount; ++k) {
+        const glm::dvec2 p = tile.corners[f.firstCorner + k];
+        const glm::dvec2 b = f.bary0 + p.x * f.baryX + p.y * f.baryY;
+        const glm::dvec3 at = c[0] + b.x * (c[1] - c[0]) + b.y * (c[2] - c[0]);
+        lo_m_ = glm::min(lo_m_, at);
+        hi_m_ = glm::max(hi_m_, at);
+      }
+      const glm::uvec3 v = scene.triangles[f.triangle];
+      for (int k = 0; k < 3; ++k) {
+        const glm::dvec3 n(scene.normals[v[k]]);
+        if (!directions_.empty() && n == directions_.back()) continue;
+        directions_.push_back(n);
+        normals_ += n;
+      }
+    }
+  }
+  Receivers receivers() const {
+    Receivers r{0.5 * (lo_m_ + hi_m_), 0.5 * glm::length(hi_m_ - lo_m_) * (1.0 + 1e-9), glm::dvec3(0.0), 0.0};
+    if (glm::length(normals_) > 1e-6) {
+      r.normal = glm::normalize(normals_);
+      for (const glm::dvec3& n : directions_)
+        r.bend_rad = std::max(r.bend_rad, std::atan2(glm::length(glm::cross(r.normal, n)), glm::dot(r.normal, n)));
+      if (r.bend_rad > kPi / 2.0) r.normal = glm::dvec3(0.0);
+    }
+    return r;
+  }
+
+ private:
+  glm::dvec3 lo_m_{1e300}, hi_m_{-1e300}, normals_{0.0};
+  std::vector<glm::dvec3> directions_;
+};
+
 /// Which lights each texel of a tile asks: one cut for the texels of a chart in a block. Apron texels go with the block beside them.
 class TileCuts {
  public:
   TileCuts(const Scene& scene, const TexelTile& tile, const DirectLight& direct) : of_(std::size_t(kSpan) * kSpan, kNone) {
     struct Block {
       std::uint64_t key;
-      glm::dvec3 lo{1e300}, hi{-1e300}, normals{0.0};
-      std::vector<glm::dvec3> directions;
+      TexelBounds bounds;
     };
     std::vector<Block> blocks;
     for (int y = -kApron; y < tile.height + kApron; ++y)
@@ -56,35 +94,9 @@ class TileCuts {
           it->key = key;
         }
         of_[cell(x, y)] = std::uint32_t(it - blocks.begin());
-        for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
-          const Fragment& f = tile.fragments[texel.firstFragment + i];
-          const auto c = scene.corners_m(f.triangle);
-          for (std::uint32_t k = 0; k < f.cornerCount; ++k) {
-            const glm::dvec2 p = tile.corners[f.firstCorner + k];
-            const glm::dvec2 b = f.bary0 + p.x * f.baryX + p.y * f.baryY;
-            const glm::dvec3 at = c[0] + b.x * (c[1] - c[0]) + b.y * (c[2] - c[0]);
-            it->lo = glm::min(it->lo, at);
-            it->hi = glm::max(it->hi, at);
-          }
-          const glm::uvec3 v = scene.triangles[f.triangle];
-          for (int k = 0; k < 3; ++k) {
-            const glm::dvec3 n(scene.normals[v[k]]);
-            if (!it->directions.empty() && n == it->directions.back()) continue;
-            it->directions.push_back(n);
-            it->normals += n;
-          }
-        }
+        it->bounds.add(scene, tile, texel);
       }
-    for (const Block& b : blocks) {
-      Receivers r{0.5 * (b.lo + b.hi), 0.5 * glm::length(b.hi - b.lo) * (1.0 + 1e-9), glm::dvec3(0.0), 0.0};
-      if (glm::length(b.normals) > 1e-6) {
-        r.normal = glm::normalize(b.normals);
-        for (const glm::dvec3& n : b.directions)
-          r.bend_rad = std::max(r.bend_rad, std::atan2(glm::length(glm::cross(r.normal, n)), glm::dot(r.normal, n)));
-        if (r.bend_rad > kPi / 2.0) r.normal = glm::dvec3(0.0);
-      }
-      cuts_.push_back(direct.lightsFor(r));
-    }
+    for (const Block& b : blocks) cuts_.push_back(direct.lightsFor(b.bounds.receivers()));
   }
   const LightCut& of(int x, int y) const { return cuts_[of_[cell(x, y)]]; }
   std::uint32_t numberAt(int x, int y) const { return of_[cell(x, y)]; }
@@ -134,15 +146,22 @@ class TileDirect {
   /// One table of shares for the texels of a cut in a block: it would take longer to make than its draws.
   void shareGroups() {
     sharesOf_.assign(std::size_t(kSpan) * kSpan, kNone);
+    struct Block {
+      const LightCut* cut;
+      TexelBounds bounds;
+    };
+    std::vector<Block> blocks;
     std::unordered_map<std::uint64_t, std::uint32_t> known;
     forCovered(kApron, [&](int x, int y) {
       const LightCut& cut = cuts_.of(x, y);
       if (cut.groups.empty()) return;
       const auto bx = std::uint64_t((x + kApron) / kShareBlock), by = std::uint64_t((y + kApron) / kShareBlock);
-      const auto [it, isNew] = known.try_emplace(std::uint64_t(cuts_.numberAt(x, y)) << 32 | by << 16 | bx, std::uint32_t(shares_.size()));
-      if (isNew) shares_.push_back(direct_.groupsAt(cut, TexelSampler(scene_, tile_, tile_.at(x, y)).at({0.5, 0.5})));
+      const auto [it, isNew] = known.try_emplace(std::uint64_t(cuts_.numberAt(x, y)) << 32 | by << 16 | bx, std::uint32_t(blocks.size()));
+      if (isNew) blocks.push_back({&cut, {}});
+      blocks[it->second].bounds.add(scene_, tile_, tile_.at(x, y));
       sharesOf_[TileCuts::cell(x, y)] = it->second;
     });
+    for (const Block& b : blocks) shares_.push_back(direct_.groupsAt(*b.cut, b.bounds.receivers()));
   }
 
   static std::size_t partsOf(const LightCut& c) { return c.punctual.size() + !c.emitters.empty() + !c.groups.empty(); }
