@@ -56,7 +56,7 @@ class LightTree {
     std::vector<double> begin_;  // cumulative
     double total_ = 0.0, mostWeight_ = 0.0;
   };
-  static constexpr double kByBound = 0.1;
+  static constexpr double kByBound = 0.3;
   std::uint32_t punctualCount() const { return punctualCount_; }
 
  private:
