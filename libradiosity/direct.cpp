@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cmath>
+#include <optional>
 
 #include "libradiosity/form_factor.h"
 #include "libradiosity/lights.h"
@@ -17,8 +19,9 @@ constexpr std::size_t kMaxEmitterPieces = 24;  // when a level has few emissive 
 constexpr std::size_t kClosedFormPlaces = 4;   // the unoccluded factor is smooth over a texel
 constexpr double kDefensive = 0.05;  // share of the choice of pieces that goes by power alone: a place may see what the first one does not
 constexpr std::size_t kLeastDraws = 4;
-constexpr std::size_t kGroupDraws = 2;  // of one place
-constexpr double kFarEmitter = 8.0;     // times its size: there the disc form is right to 0.2 %
+constexpr double kFarEmitter = 8.0;           // times its size: there the disc form is right to 0.2 %
+constexpr double kNearEmitter = 2.0;          // times its size: farther off its solid angle is small, and places on it give much the same
+constexpr double kLeastSolidAngle_sr = 1e-6;  // below it the angles of a spherical triangle lose their digits
 constexpr std::size_t kMaxPlaces = 256;
 
 /// Form factor of a place to an emitter without blockers.
@@ -27,6 +30,56 @@ double unoccludedFactor(const SurfacePoint& p, const Emitter& e) {
   const glm::dvec3 r = centre - p.position_m;
   const bool far = glm::dot(r, r) > kFarEmitter * kFarEmitter * e.longest2_m2 && glm::dot(r, p.normal) > std::sqrt(e.longest2_m2);
   return far ? elementToDisc(p.position_m, p.normal, centre, e.normal, e.area_m2) : elementToPolygon(p.position_m, p.normal, e.corner_m);
+}
+
+bool isNear(const SurfacePoint& p, const Emitter& e) {
+  const glm::dvec3 r = (e.corner_m[0] + e.corner_m[1] + e.corner_m[2]) / 3.0 - p.position_m;
+  return glm::dot(r, r) < kNearEmitter * kNearEmitter * e.longest2_m2;
+}
+
+/// The triangle as a place sees it, for places on it by solid angle [arvo1995].
+class SphericalTriangle {
+ public:
+  SphericalTriangle(const glm::dvec3& from_m, const std::array<glm::dvec3, 3>& corner_m) {
+    for (int k = 0; k < 3; ++k) corner_[k] = glm::normalize(corner_m[k] - from_m);
+    const auto& [a, b, c] = corner_;
+    // [oosterom1983]
+    solidAngle_sr_ = 2.0 * std::atan2(std::abs(glm::dot(a, glm::cross(b, c))), 1.0 + glm::dot(a, b) + glm::dot(b, c) + glm::dot(c, a));
+    const glm::dvec3 toB = glm::cross(a, b), toC = glm::cross(a, c);
+    alpha_ = std::atan2(glm::length(glm::cross(toB, toC)), glm::dot(toB, toC));
+  }
+  double solidAngle_sr() const { return solidAngle_sr_; }
+  /// Uniform in solid angle for u, v uniform in [0, 1): a unit direction.
+  glm::dvec3 direction(double u, double v) const {
+    const auto& [a, b, c] = corner_;
+    // The arc from b to `cut`, on the arc from a to c, cuts off u of the solid angle.
+    const double phi = u * solidAngle_sr_ - alpha_;
+    const double s = std::sin(phi), t = std::cos(phi), cosC = glm::dot(a, b), sinAlpha = std::sin(alpha_), cosAlpha = std::cos(alpha_);
+    const double x = t - cosAlpha, y = s + sinAlpha * cosC;
+    const double below = (y * s + x * t) * sinAlpha;
+    const double q = below != 0.0 ? glm::clamp(((y * t - x * s) * cosAlpha - y) / below, -1.0, 1.0) : 1.0;
+    const glm::dvec3 cut = q * a + std::sqrt(1.0 - q * q) * glm::normalize(c - glm::dot(c, a) * a);
+    const double z = 1.0 - v * (1.0 - glm::dot(cut, b));
+    return z * b + std::sqrt(std::max(0.0, 1.0 - z * z)) * glm::normalize(cut - glm::dot(cut, b) * b);
+  }
+
+ private:
+  std::array<glm::dvec3, 3> corner_;          // unit, from the place
+  double solidAngle_sr_ = 0.0, alpha_ = 0.0;  // alpha: the angle at the first corner
+};
+
+/// The least sphere about the places' middle.
+Receivers around(std::span<const SurfacePoint> places) {
+  glm::dvec3 lo = places[0].position_m, hi = lo;
+  bool flat = true;
+  for (const SurfacePoint& p : places) {
+    lo = glm::min(lo, p.position_m);
+    hi = glm::max(hi, p.position_m);
+    flat = flat && p.normal == places[0].normal;
+  }
+  Receivers r{0.5 * (lo + hi), 0.0, flat ? places[0].normal : glm::dvec3(0.0), 0.0};
+  for (const SurfacePoint& p : places) r.radius_m = std::max(r.radius_m, glm::distance(r.centre_m, p.position_m));
+  return r;
 }
 
 }  // namespace
@@ -43,7 +96,7 @@ DirectPart DirectLight::sample(std::span<const SurfacePoint> places, const Light
   DirectPart out;
   for (const std::uint32_t light : cut.punctual) out += punctual(places, light);
   if (!cut.emitters.empty()) out += emitters(places, cut.emitters, address);
-  if (!cut.groups.empty()) out += groups(places, cut, address);
+  if (!cut.groups.empty()) out += groups(places, groupsAt(cut, around(places)), std::max(2 * places.size(), kLeastDraws), address);
   return out;
 }
 
@@ -197,19 +250,43 @@ DirectPart DirectLight::emitters(std::span<const SurfacePoint> places, std::span
   return out;
 }
 
-DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const LightCut& cut, const Sobol4& address) const {
+DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const LightTree::Groups& lights, std::size_t draws,
+                               const Sobol4& address) const {
   DirectPart out;
   std::array<Ray, kMaxPlaces> rays;
   std::array<glm::dvec3, kMaxPlaces> unshadowed;
   std::array<std::uint8_t, kMaxPlaces> blocked;
-  std::size_t n = 0;
-  const LightTree::Groups lights(tree_, cut, places[0]);
-  const std::size_t draws = std::min(std::max(kGroupDraws * places.size(), kLeastDraws), kMaxPlaces);
-  for (std::size_t i = 0; i < draws; ++i) {
+  std::size_t n = 0, cast = 0, seen = 0;
+  const auto flush = [&] {
+    if (n == 0) return;
+    trace({rays.data(), n}, {blocked.data(), n}, Purpose::Emitter);
+    for (std::size_t i = 0; i < n; ++i) {
+      out.unshadowed += unshadowed[i] / double(draws);
+      if (blocked[i]) continue;
+      ++seen;
+      out.illuminance += unshadowed[i] / double(draws);
+    }
+    cast += n;
+    n = 0;
+  };
+  // In the order of the lights that are chosen, so that what is near each other in the level is asked for one after the other: of 2^m
+  // points of a scrambled Sobol sequence each lies in a stratum of its own.
+  struct Numbers {
+    glm::vec2 u;
+    std::uint32_t index;
+  };
+  thread_local std::vector<Numbers> numbers;
+  numbers.resize(draws);
+  const bool stratified = std::has_single_bit(draws);
+  for (std::uint32_t i = 0; i < draws; ++i) {
+    const glm::vec2 u = address.point2(i);
+    numbers[stratified ? std::size_t(u.x * float(draws)) : std::size_t(i)] = {u, i};
+  }
+  std::size_t group = 0;
+  for (const auto& [u, i] : numbers) {
     const SurfacePoint& p = places[i % places.size()];
-    const glm::vec2 u = address.point2(std::uint32_t(i));
     double pick = double(u.x);
-    const LightTree::Choice choice = lights.choose(p, pick);
+    const LightTree::Choice choice = lights.choose(p, pick, group);
     if (!(choice.share > 0.0)) continue;
     if (choice.light < tree_.punctualCount()) {
       const Light& light = scene_.lights[choice.light];
@@ -218,31 +295,34 @@ DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const Light
       unshadowed[n] = in.illuminance / choice.share;
       rays[n++] = towards(light, p, in.towards, in.endless);
       if (shadows_) rays_[choice.light].fetch_add(1, std::memory_order_relaxed);
-      continue;
+    } else {
+      const Emitter& e = emitters_.whole[choice.light - tree_.punctualCount()];
+      if (p.triangle == e.triangle || glm::dot(p.position_m - e.corner_m[0], e.normal) <= double(tracer_.lift_m())) continue;
+      glm::dvec3 q;
+      double kernel = 0.0;  // what a radiance of 1 gives [sr]
+      const std::optional<SphericalTriangle> seenAs =
+          isNear(p, e) ? std::optional<SphericalTriangle>({p.position_m, e.corner_m}) : std::nullopt;
+      if (seenAs && seenAs->solidAngle_sr() > kLeastSolidAngle_sr) {
+        const glm::dvec3 way = seenAs->direction(pick, double(u.y));
+        q = p.position_m + glm::dot(e.corner_m[0] - p.position_m, e.normal) / glm::dot(way, e.normal) * way;
+        kernel = seenAs->solidAngle_sr() * glm::dot(way, p.normal);
+      } else {
+        const double s = std::sqrt(pick), w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
+        q = e.corner_m[0] + w1 * (e.corner_m[1] - e.corner_m[0]) + w2 * (e.corner_m[2] - e.corner_m[0]);
+        const glm::dvec3 r = q - p.position_m;
+        const double d2 = glm::dot(r, r);
+        kernel = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, e.normal)) / (d2 * d2) * e.area_m2;
+      }
+      if (!(kernel > 0.0) || !std::isfinite(kernel) || glm::dot(q - p.position_m, p.geometricNormal) <= 0.0) continue;
+      unshadowed[n] = kernel / choice.share * glm::dvec3(e.radiance);
+      const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, e.normal);
+      rays[n++] = {from, to - from, 1.0f};
     }
-    const Emitter& e = emitters_.whole[choice.light - tree_.punctualCount()];
-    if (p.triangle == e.triangle || glm::dot(p.position_m - e.corner_m[0], e.normal) <= double(tracer_.lift_m())) continue;
-    const double s = std::sqrt(pick), w1 = s * (1.0 - double(u.y)), w2 = s * double(u.y);
-    const glm::dvec3 q = e.corner_m[0] + w1 * (e.corner_m[1] - e.corner_m[0]) + w2 * (e.corner_m[2] - e.corner_m[0]);
-    const glm::dvec3 r = q - p.position_m;
-    const double d2 = glm::dot(r, r);
-    const double cosines = std::max(0.0, glm::dot(r, p.normal)) * std::max(0.0, -glm::dot(r, e.normal));
-    if (!(cosines > 0.0) || glm::dot(r, p.geometricNormal) <= 0.0) continue;
-    unshadowed[n] = (cosines / (d2 * d2) * e.area_m2 / choice.share) * glm::dvec3(e.radiance);
-    const glm::vec3 from = tracer_.lifted(p.position_m, p.geometricNormal), to = tracer_.lifted(q, e.normal);
-    rays[n++] = {from, to - from, 1.0f};
+    if (n == kMaxPlaces) flush();
   }
-  if (n == 0) return out;
-  trace({rays.data(), n}, {blocked.data(), n}, Purpose::Emitter);
-  std::size_t seen = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    out.unshadowed += unshadowed[i] / double(draws);
-    if (blocked[i]) continue;
-    ++seen;
-    out.illuminance += unshadowed[i] / double(draws);
-  }
+  flush();
   out.seen = seen > 0;
-  out.mixed = seen > 0 && seen < n;
+  out.mixed = seen > 0 && seen < cast;
   return out;
 }
 

@@ -38,8 +38,10 @@ class DirectLight {
   const Emitters& emitters() const { return emitters_; }
   std::uint64_t raysOf(std::uint32_t light) const { return rays_[light].load(); }
 
-  /// What the places of a sphere must ask; with a normal, fewer.
-  LightCut lightsFor(const glm::dvec3& centre_m, double radius_m) const { return tree_.cutFor({centre_m, radius_m}); }
+  /// What the places of a sphere must ask; with a normal, fewer. A single place (radius 0) gets a coarser cut.
+  LightCut lightsFor(const glm::dvec3& centre_m, double radius_m) const {
+    return tree_.cutFor({centre_m, radius_m}, radius_m > 0.0 ? LightTree::kMostNodes : LightTree::kFewNodes);
+  }
   LightCut lightsFor(const Receivers& receivers) const { return tree_.cutFor(receivers); }
 
   /// One punctual light: one shadow ray a place.
@@ -48,8 +50,11 @@ class DirectLight {
   /// The visible share is weighted by the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias
   /// of the ratio falls with the number of rays.
   DirectPart emitters(std::span<const SurfacePoint> places, std::span<const std::uint32_t> emitters, const Sobol4& address) const;
-  /// The groups of a cut: kGroupDraws rays a place, each to one of their lights.
-  DirectPart groups(std::span<const SurfacePoint> places, const LightCut&, const Sobol4& address) const;
+  /// The groups of a cut: `draws` rays in turn from the places, each to one of their lights: to a place on an emitter by area, or by solid
+  /// angle where that is large, so that no draw counts more than about Groups::mostWeight().
+  DirectPart groups(std::span<const SurfacePoint> places, const LightTree::Groups&, std::size_t draws, const Sobol4& address) const;
+  /// `where`: all places that will be asked for, which may be fewer than the cut serves.
+  LightTree::Groups groupsAt(const LightCut& cut, const Receivers& where) const { return {tree_, cut, where}; }
   /// All of a cut.
   DirectPart sample(std::span<const SurfacePoint> places, const LightCut&, const Sobol4& address) const;
 

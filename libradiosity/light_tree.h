@@ -1,7 +1,6 @@
 #pragma once
 /// All lights of a level in one tree, so that a place asks the lights that matter there and not every one of them: near and strong lights
 /// each by itself, the rest as groups that are sampled in proportion to what they may give [conty2018].
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -15,7 +14,7 @@ namespace lmc {
 struct LightCut {
   std::vector<std::uint32_t> punctual;  ///< into Scene::lights
   std::vector<std::uint32_t> emitters;  ///< into Emitters::whole
-  std::vector<std::uint32_t> groups;    ///< nodes of the tree
+  std::vector<std::uint32_t> groups;    ///< nodes of the tree, in the tree's order: neighbours here are neighbours in the level
   bool empty() const { return punctual.empty() && emitters.empty() && groups.empty(); }
 };
 
@@ -29,29 +28,35 @@ struct Receivers {
 
 class LightTree {
  public:
-  static constexpr std::size_t kMostNodes = 64;  ///< of a cut
+  static constexpr std::size_t kMostNodes = 512;  ///< of a cut
+  static constexpr std::size_t kFewNodes = 16;    ///< of a cut that serves a single place: it is made for a handful of rays
   LightTree(const Scene&, const Emitters&);
 
-  LightCut cutFor(const Receivers&) const;
+  LightCut cutFor(const Receivers&, std::size_t mostNodes = kMostNodes) const;
 
   /// One light of the groups, chosen in proportion to about what it would give.
   struct Choice {
     std::uint32_t light = kNone;  ///< below punctualCount(): a punctual light, else punctualCount() + an emitter
     double share = 0.0;           ///< probability of the choice; 0 = nothing was chosen
   };
-  /// Shares of a cut's groups as one place sees them, good for its neighbourhood: a little of each goes by strength alone.
+  /// Shares of a cut's groups for all places of a small neighbourhood: by what they give to its middle, and kByBound of them by the most
+  /// that they can give anywhere in it, so that what a light gives never counts more than about mostWeight().
   class Groups {
    public:
-    Groups(const LightTree&, const LightCut&, const SurfacePoint&);
-    /// For a place of the neighbourhood; u in [0, 1) comes back as what is left of it.
-    Choice choose(const SurfacePoint&, double& u) const;
+    Groups(const LightTree&, const LightCut&, const Receivers&);
+    /// Sum of the most that the groups can give, by the share of draws that goes by it [lx].
+    double mostWeight() const { return mostWeight_; }
+    /// For a place of the neighbourhood; u in [0, 1) comes back as what is left of it. `at` remembers the group between calls (0 at first):
+    /// where u rises from call to call, a group is found at once, and lights near each other are met one after the other.
+    Choice choose(const SurfacePoint&, double& u, std::size_t& at) const;
 
    private:
     const LightTree& tree_;
     const LightCut& cut_;
-    std::array<double, kMostNodes + 2> begin_;  // cumulative
-    double total_ = 0.0;
+    std::vector<double> begin_;  // cumulative
+    double total_ = 0.0, mostWeight_ = 0.0;
   };
+  static constexpr double kByBound = 0.3;
   std::uint32_t punctualCount() const { return punctualCount_; }
 
  private:
@@ -73,31 +78,46 @@ class LightTree {
     double cosBeyond(const Angle& o) const { return cos >= o.cos ? 1.0 : cos * o.cos + sin * o.sin; }
   };
   struct Node {
-    glm::dvec3 lo{1e300}, hi{-1e300};  // of positions [m]
-    glm::dvec3 centre_m{0.0};
+    glm::dvec3 lo_m{0.0}, hi_m{0.0}, centre_m{0.0};
     double radius_m = 0.0;
-    glm::dvec3 axis{0.0};  // unit; directions of its light lie within `spread` of it
-    double spread_rad = 0.0, cone_rad = 0.0;
-    Angle spread, cover;          // cover: spread and the cone about each direction
-    double strength = 0.0;        // sum of intensities towards the axis [cd], largest channel
-    bool flat = false;            // all of them are emitters: their light falls with the cosine
-    double range_m = 0.0;         // beyond it from the box nothing shines; 0 = endless
-    std::uint32_t child = kNone;  // the first of two; kNone = a leaf
-    std::uint32_t light = kNone;
-    std::uint32_t count = 0;  // of lights below
-    void measure();
+    glm::dvec3 axis{0.0};                // unit; directions of its light lie within `spread` of it
+    Angle spread, cover;                 // cover: spread and the cone about each direction
+    double strength = 0.0;               // sum of intensities towards the axis [cd], largest channel
+    double most_lx = 0.0;                // however near: an emitter's solid angle is below 2 pi; infinite for lamps
+    double range_m = 0.0;                // beyond it from the sphere nothing shines; 0 = endless
+    std::uint32_t child = kNone;         // the first of two; kNone = a leaf
+    std::uint32_t first = 0, count = 0;  // its lights: [first, first + count) of lights_
+    bool flat = false;                   // all of them are emitters: their light falls with the cosine
+    bool alike = false;                  // all of them shine alike about the axis: from afar they differ by their strength alone
   };
+  /// What building needs besides.
+  struct Extent {
+    glm::dvec3 lo{1e300}, hi{-1e300};  // of positions [m]
+    double spread_rad = 0.0, cone_rad = 0.0, leastCone_rad = 0.0;
+  };
+  struct Leaf {
+    Node node;
+    Extent extent;
+    std::uint32_t light = kNone;
+    int kind = 0;  // lights of one kind are parted by place, others by kind
+  };
+  static void measure(Node&, const Extent&);
   static double mostCosines(const Node&, const glm::dvec3& to, double distance, double reach, const glm::dvec3& normal, const Angle& bend);
-  double sumOfFew(std::uint32_t node, const SurfacePoint&) const;
-  std::uint32_t build(std::vector<Node>&, std::size_t begin, std::size_t end);
-  /// The most that the node gives to a place of the sphere [lx], but for emitters at touching distance.
-  double bound(const Node&, const Receivers&) const;
-  /// About what the node gives to a place; 0 only where it gives nothing [lx].
-  double estimate(const Node&, const SurfacePoint&) const;
+  Extent build(std::uint32_t node, std::vector<Leaf>&, std::size_t begin, std::size_t end);
+  /// The most that the node gives to a place of the sphere, each emitter counted by radiance x solid angle x cosine [lx].
+  struct Bound {
+    double most = 0.0;
+    bool touching = false;  // distance does not limit it: the node may lie in the sphere, or fill the view
+  };
+  static Bound bound(const Node&, const Receivers&);
+  /// About what the node gives to the middle of the sphere; 0 only where it gives nothing there [lx].
+  static double estimate(const Node&, const Receivers&);
 
   std::uint32_t punctualCount_ = 0;
   std::vector<std::uint32_t> always_;  // directional and classic lights: their light does not fall with the square of distance
-  std::vector<Node> nodes_;            // the root is the last; empty when all lights are in always_
+  std::vector<Node> nodes_;            // the root is the first; empty when all lights are in always_
+  std::vector<std::uint32_t> lights_;  // in the tree's order, numbered as in Choice
+  std::vector<double> before_;         // sums of their strengths; one more than lights_
 };
 
 }  // namespace lmc

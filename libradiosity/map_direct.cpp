@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <memory>
+#include <optional>
+#include <unordered_map>
 
 #include "libradiosity/light_map.h"
 #include "libscene/constants.h"
@@ -13,8 +14,15 @@ namespace {
 constexpr std::uint32_t kPilotPlaces = 8;  // each half, on every texel that a light may reach
 
 constexpr std::uint32_t kMostPlaces = 128;
-constexpr double kStrong = 0.25;      // share of a texel's light from which a part gets all the places of an edge
-constexpr double kDeepShadow = 0.25;  // errors in a shadow count against so much of the light without it
+constexpr std::size_t kDrawsAPlace = 2;  // of groups, at first
+constexpr std::size_t kPilotDraws = kDrawsAPlace * kPilotPlaces;
+constexpr std::size_t kMostDraws = 1024;    // of groups, each half
+constexpr double kGroupNoise = 0.5;         // of the goal times a texel's light: what groups may leave in the mean of its halves
+constexpr int kPool = 2;                    // texels to each side over which that noise is estimated
+constexpr double kSamplingExponent = 0.75;  // error ~ places^-0.75
+constexpr double kStep = 0.3;               // of a texel's light: groups that change so much from texel to texel do within one, too
+constexpr double kStrong = 0.25;            // share of a texel's light from which a part gets all the places of an edge
+constexpr double kDeepShadow = 0.25;        // errors in a shadow count against so much of the light without it
 
 /// Places on the edge texels of shadows, each half: their error falls about as n^-0.75 and they are a few percent of a map.
 std::uint32_t edgePlaces(double goal) { return goal <= 0.01 ? kMostPlaces : goal <= 0.04 ? 64 : 32; }
@@ -22,14 +30,54 @@ std::uint32_t edgePlaces(double goal) { return goal <= 0.01 ? kMostPlaces : goal
 constexpr int kSpan = kTile + 2 * kApron;
 constexpr int kCutBlock = 16;  // texels that share a cut: few enough that lights are near or far for all of them
 
+constexpr int kShareBlock = 2;  // texels that share how groups are chosen: their places see about the same
+
+/// Where some texels are and which way they face.
+class TexelBounds {
+ public:
+  void add(const Scene& scene, const TexelTile& tile, const Texel& texel) {
+    for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
+      const Fragment& f = tile.fragments[texel.firstFragment + i];
+      const auto c = scene.corners_m(f.triangle);
+      for (std::uint32_t k = 0; k < f.cornerCount; ++k) {
+        const glm::dvec2 p = tile.corners[f.firstCorner + k];
+        const glm::dvec2 b = f.bary0 + p.x * f.baryX + p.y * f.baryY;
+        const glm::dvec3 at = c[0] + b.x * (c[1] - c[0]) + b.y * (c[2] - c[0]);
+        lo_m_ = glm::min(lo_m_, at);
+        hi_m_ = glm::max(hi_m_, at);
+      }
+      const glm::uvec3 v = scene.triangles[f.triangle];
+      for (int k = 0; k < 3; ++k) {
+        const glm::dvec3 n(scene.normals[v[k]]);
+        if (!directions_.empty() && n == directions_.back()) continue;
+        directions_.push_back(n);
+        normals_ += n;
+      }
+    }
+  }
+  Receivers receivers() const {
+    Receivers r{0.5 * (lo_m_ + hi_m_), 0.5 * glm::length(hi_m_ - lo_m_) * (1.0 + 1e-9), glm::dvec3(0.0), 0.0};
+    if (glm::length(normals_) > 1e-6) {
+      r.normal = glm::normalize(normals_);
+      for (const glm::dvec3& n : directions_)
+        r.bend_rad = std::max(r.bend_rad, std::atan2(glm::length(glm::cross(r.normal, n)), glm::dot(r.normal, n)));
+      if (r.bend_rad > kPi / 2.0) r.normal = glm::dvec3(0.0);
+    }
+    return r;
+  }
+
+ private:
+  glm::dvec3 lo_m_{1e300}, hi_m_{-1e300}, normals_{0.0};
+  std::vector<glm::dvec3> directions_;
+};
+
 /// Which lights each texel of a tile asks: one cut for the texels of a chart in a block. Apron texels go with the block beside them.
 class TileCuts {
  public:
   TileCuts(const Scene& scene, const TexelTile& tile, const DirectLight& direct) : of_(std::size_t(kSpan) * kSpan, kNone) {
     struct Block {
       std::uint64_t key;
-      glm::dvec3 lo{1e300}, hi{-1e300}, normals{0.0};
-      std::vector<glm::dvec3> directions;
+      TexelBounds bounds;
     };
     std::vector<Block> blocks;
     for (int y = -kApron; y < tile.height + kApron; ++y)
@@ -46,37 +94,12 @@ class TileCuts {
           it->key = key;
         }
         of_[cell(x, y)] = std::uint32_t(it - blocks.begin());
-        for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) {
-          const Fragment& f = tile.fragments[texel.firstFragment + i];
-          const auto c = scene.corners_m(f.triangle);
-          for (std::uint32_t k = 0; k < f.cornerCount; ++k) {
-            const glm::dvec2 p = tile.corners[f.firstCorner + k];
-            const glm::dvec2 b = f.bary0 + p.x * f.baryX + p.y * f.baryY;
-            const glm::dvec3 at = c[0] + b.x * (c[1] - c[0]) + b.y * (c[2] - c[0]);
-            it->lo = glm::min(it->lo, at);
-            it->hi = glm::max(it->hi, at);
-          }
-          const glm::uvec3 v = scene.triangles[f.triangle];
-          for (int k = 0; k < 3; ++k) {
-            const glm::dvec3 n(scene.normals[v[k]]);
-            if (!it->directions.empty() && n == it->directions.back()) continue;
-            it->directions.push_back(n);
-            it->normals += n;
-          }
-        }
+        it->bounds.add(scene, tile, texel);
       }
-    for (const Block& b : blocks) {
-      Receivers r{0.5 * (b.lo + b.hi), 0.5 * glm::length(b.hi - b.lo) * (1.0 + 1e-9), glm::dvec3(0.0), 0.0};
-      if (glm::length(b.normals) > 1e-6) {
-        r.normal = glm::normalize(b.normals);
-        for (const glm::dvec3& n : b.directions)
-          r.bend_rad = std::max(r.bend_rad, std::atan2(glm::length(glm::cross(r.normal, n)), glm::dot(r.normal, n)));
-        if (r.bend_rad > kPi / 2.0) r.normal = glm::dvec3(0.0);
-      }
-      cuts_.push_back(direct.lightsFor(r));
-    }
+    for (const Block& b : blocks) cuts_.push_back(direct.lightsFor(b.bounds.receivers()));
   }
   const LightCut& of(int x, int y) const { return cuts_[of_[cell(x, y)]]; }
+  std::uint32_t numberAt(int x, int y) const { return of_[cell(x, y)]; }
   bool empty() const {
     return std::ranges::all_of(cuts_, [](const LightCut& c) { return c.empty(); });
   }
@@ -93,6 +116,7 @@ struct Part {
   std::array<Rgb, 2> half{Rgb(0.0f), Rgb(0.0f)};
   float unshadowed = 0.0f;
   State state = Nothing;
+  double light() const { return 0.5 * double(strength(half[0] + half[1])); }
 };
 
 /// Direct light of a tile.
@@ -109,16 +133,42 @@ class TileDirect {
       first_[TileCuts::cell(x, y)] = count;
       count += partsOf(cuts_.of(x, y));
     });
+    shareGroups();
     parts_.resize(count);
     forCovered(kApron, [&](int x, int y) {
-      Sampling s(*this, x, y, kPilotPlaces);
-      for (std::size_t k = 0; k < partsOf(cuts_.of(x, y)); ++k) part(x, y, k) = s.part(k, kPilotPlaces);
+      Sampling s(*this, x, y);
+      for (std::size_t k = 0; k < partsOf(cuts_.of(x, y)); ++k) part(x, y, k) = s.part(k, kPilotPlaces, kPilotDraws);
     });
     forCovered(0, [&](int x, int y) { finish(x, y); });
   }
 
  private:
+  /// One table of shares for the texels of a cut in a block: it would take longer to make than its draws.
+  void shareGroups() {
+    sharesOf_.assign(std::size_t(kSpan) * kSpan, kNone);
+    struct Block {
+      const LightCut* cut;
+      TexelBounds bounds;
+    };
+    std::vector<Block> blocks;
+    std::unordered_map<std::uint64_t, std::uint32_t> known;
+    forCovered(kApron, [&](int x, int y) {
+      const LightCut& cut = cuts_.of(x, y);
+      if (cut.groups.empty()) return;
+      const auto bx = std::uint64_t((x + kApron) / kShareBlock), by = std::uint64_t((y + kApron) / kShareBlock);
+      const auto [it, isNew] = known.try_emplace(std::uint64_t(cuts_.numberAt(x, y)) << 32 | by << 16 | bx, std::uint32_t(blocks.size()));
+      if (isNew) blocks.push_back({&cut, {}});
+      blocks[it->second].bounds.add(scene_, tile_, tile_.at(x, y));
+      sharesOf_[TileCuts::cell(x, y)] = it->second;
+    });
+    for (const Block& b : blocks) shares_.push_back(direct_.groupsAt(*b.cut, b.bounds.receivers()));
+  }
+
   static std::size_t partsOf(const LightCut& c) { return c.punctual.size() + !c.emitters.empty() + !c.groups.empty(); }
+  const LightTree::Groups* sharesAt(int x, int y) const {
+    const std::uint32_t i = sharesOf_[TileCuts::cell(x, y)];
+    return i == kNone ? nullptr : &shares_[i];
+  }
   Part& part(int x, int y, std::size_t k) { return parts_[first_[TileCuts::cell(x, y)] + k]; }
 
   template <class F>
@@ -129,26 +179,29 @@ class TileDirect {
   }
 
   /// Places of both halves of a texel, and what parts give there.
-  struct Sampling {
-    Sampling(const TileDirect& tile, int x, int y, std::uint32_t places) : tile_(tile), cut_(tile.cuts_.of(x, y)) {
-      const TexelSampler sampler(tile.scene_, tile.tile_, tile.tile_.at(x, y));
-      for (std::uint32_t h = 0; h < 2; ++h) {
+  class Sampling {
+   public:
+    Sampling(const TileDirect& tile, int x, int y)
+        : tile_(tile), cut_(tile.cuts_.of(x, y)), shares_(tile.sharesAt(x, y)), sampler_(tile.scene_, tile.tile_, tile.tile_.at(x, y)) {
+      for (std::uint32_t h = 0; h < 2; ++h)
         numbers_[h] = sequence(tile.seed_, Draw::Direct, 0, 0, std::uint32_t(tile.tile_.x0 + x), std::uint32_t(tile.tile_.y0 + y), h);
-        for (std::uint32_t k = 0; k < places; ++k) {
-          const glm::vec4 u = numbers_[h].point(k);
-          at_[h][k] = sampler.at({u.z, u.w});
-        }
-      }
     }
-    Part part(std::size_t k, std::uint32_t places) const {
+    /// `draws`: of groups, each half.
+    Part part(std::size_t k, std::uint32_t places, std::size_t draws) {
+      need(places);
       Part out;
       DirectPart sum;
       bool seen[2];
       for (std::uint32_t h = 0; h < 2; ++h) {
         const std::span<const SurfacePoint> at(at_[h].data(), places);
-        const DirectPart p = k < cut_.punctual.size()                              ? tile_.direct_.punctual(at, cut_.punctual[k])
-                             : k == cut_.punctual.size() && !cut_.emitters.empty() ? tile_.direct_.emitters(at, cut_.emitters, numbers_[h])
-                                                                                   : tile_.direct_.groups(at, cut_, numbers_[h]);
+        DirectPart p;
+        if (k < cut_.punctual.size()) {
+          p = tile_.direct_.punctual(at, cut_.punctual[k]);
+        } else if (!isGroups(cut_, k)) {
+          p = tile_.direct_.emitters(at, cut_.emitters, numbers_[h]);
+        } else {
+          p = tile_.direct_.groups(at, *shares_, draws, numbers_[h]);
+        }
         out.half[h] = Rgb(p.illuminance);
         sum += p;
         seen[h] = p.seen;
@@ -159,13 +212,25 @@ class TileDirect {
     }
 
    private:
+    void need(std::uint32_t places) {
+      for (; placed_ < places; ++placed_)
+        for (std::size_t h = 0; h < 2; ++h) {
+          const glm::vec4 u = numbers_[h].point(placed_);
+          at_[h][placed_] = sampler_.at({u.z, u.w});
+        }
+    }
     const TileDirect& tile_;
     const LightCut& cut_;
+    const LightTree::Groups* shares_;  // nullptr = the cut has no groups
+    const TexelSampler sampler_;
     std::array<Sobol4, 2> numbers_{Sobol4(0), Sobol4(0)};
     std::array<std::array<SurfacePoint, kMostPlaces>, 2> at_;
+    std::uint32_t placed_ = 0;
   };
 
-  /// The state of the k-th part of a cut in a neighbour, whose cut may be another.
+  static bool isGroups(const LightCut& cut, std::size_t k) { return k == cut.punctual.size() + !cut.emitters.empty(); }
+
+  /// The state of the k-th part of a cut, which is not its groups, in a neighbour, whose cut may be another.
   Part::State stateThere(const LightCut& cut, std::size_t k, int x, int y) {
     const LightCut& other = cuts_.of(x, y);
     if (&other == &cut) return part(x, y, k).state;
@@ -174,9 +239,7 @@ class TileDirect {
       return it == other.punctual.end() || *it != cut.punctual[k] ? Part::Nothing
                                                                   : part(x, y, std::size_t(it - other.punctual.begin())).state;
     }
-    const bool emitters = k == cut.punctual.size() && !cut.emitters.empty();
-    if ((emitters ? other.emitters : other.groups).empty()) return Part::Nothing;
-    return part(x, y, other.punctual.size() + (emitters ? 0 : !other.emitters.empty())).state;
+    return other.emitters.empty() ? Part::Nothing : part(x, y, other.punctual.size()).state;
   }
 
   void finish(int x, int y) {
@@ -185,31 +248,71 @@ class TileDirect {
     double total = 0.0, unshadowed = 0.0;
     for (std::size_t k = 0; k < n; ++k) {
       const Part& p = part(x, y, k);
-      total += 0.5 * double(strength(p.half[0] + p.half[1]));
+      total += p.light();
       unshadowed += double(p.unshadowed);
     }
     const double against = std::max(total, kDeepShadow * unshadowed);
     const std::uint32_t most = edgePlaces(goal_);
     std::array<Rgb, 2> sum{Rgb(0.0f), Rgb(0.0f)};
-    std::unique_ptr<Sampling> more;
+    std::optional<Sampling> more;
+    const auto sampling = [&]() -> Sampling& { return more ? *more : more.emplace(*this, x, y); };
     bool edge = false;
     for (std::size_t k = 0; k < n; ++k) {
       Part p = part(x, y, k);
-      if (!settled(x, y, k, total)) {
+      if (isGroups(cut, k)) {
+        edge = edge || stepsOf(x, y) > kStep * total;
+        const std::size_t draws = drawsFor(x, y, total - p.light());
+        if (draws > kPilotDraws) p = sampling().part(k, std::uint32_t(std::min(draws / kDrawsAPlace, std::size_t(kMostPlaces))), draws);
+      } else if (!settled(x, y, k, total)) {
         edge = true;
-        // The error of a part falls about as places^-0.75: a faint light needs fewer for the same.
-        const double wish = double(most) * std::pow(std::min(1.0, double(p.unshadowed) / (kStrong * against)), 4.0 / 3.0);
+        // A faint light needs fewer places for the same error.
+        const double wish = double(most) * std::pow(std::min(1.0, double(p.unshadowed) / (kStrong * against)), 1.0 / kSamplingExponent);
         const auto places = std::uint32_t(std::min(double(most), std::exp2(std::ceil(std::log2(std::max(1.0, wish))))));
-        if (places > kPilotPlaces) {
-          if (!more) more = std::make_unique<Sampling>(*this, x, y, most);
-          p = more->part(k, places);
-        }
+        if (places > kPilotPlaces) p = sampling().part(k, places, 0);
       }
       for (std::size_t h = 0; h < 2; ++h) sum[h] += p.half[h];
     }
     const std::size_t i = map_.index(tile_, x, y);
     map_.edge[i] = edge;
     for (std::size_t h = 0; h < 2; ++h) map_.direct[h][i] = sum[h];
+  }
+
+  /// Calls f(groups there, dx, dy) for the texels within `reach` on the same chart whose cut has groups; the texel itself is one of them.
+  template <class F>
+  void forGroupsAbout(int x, int y, int reach, F&& f) {
+    for (int py = std::max(y - reach, -kApron); py <= std::min(y + reach, tile_.height - 1 + kApron); ++py)
+      for (int px = std::max(x - reach, -kApron); px <= std::min(x + reach, tile_.width - 1 + kApron); ++px) {
+        const Texel& other = tile_.at(px, py);
+        if (other.fragmentCount == 0 || other.chart != tile_.at(x, y).chart) continue;
+        const LightCut& there = cuts_.of(px, py);
+        if (!there.groups.empty()) f(part(px, py, partsOf(there) - 1));
+      }
+  }
+
+  /// Draws of the groups that a texel needs, each half, for its share of the goal; `others` is the light of the other parts. Differences of
+  /// halves are pooled over neighbours: one texel's own is small by chance too often.
+  std::size_t drawsFor(int x, int y, double others) {
+    double squares = 0.0, light = 0.0, unshadowed = 0.0, texels = 0.0;
+    forGroupsAbout(x, y, kPool, [&](const Part& p) {
+      const double d = double(strength(glm::abs(p.half[0] - p.half[1])));
+      squares += 0.25 * d * d;
+      light += p.light();
+      unshadowed += double(p.unshadowed);
+      texels += 1.0;
+    });
+    if (!(squares > 0.0)) return kPilotDraws;
+    const double against = others + std::max(light, kDeepShadow * unshadowed) / texels;
+    const double excess = std::sqrt(squares / texels) / (kGroupNoise * goal_ * against);
+    const double wish = double(kPilotDraws) * std::pow(excess, 1.0 / kSamplingExponent);
+    return std::size_t(std::clamp(std::exp2(std::round(std::log2(wish))), double(kPilotDraws), double(kMostDraws)));
+  }
+
+  /// By how much the light of the groups steps from a texel to its neighbours.
+  double stepsOf(int x, int y) {
+    const double own = part(x, y, partsOf(cuts_.of(x, y)) - 1).light();
+    double step = 0.0;
+    forGroupsAbout(x, y, 1, [&](const Part& p) { step = std::max(step, std::abs(p.light() - own)); });
+    return step;
   }
 
   /// Few places prove little: a light is taken as plainly seen or hidden only when the texel's neighbours on the chart say the same.
@@ -237,6 +340,8 @@ class TileDirect {
   TileCuts cuts_;
   std::vector<std::size_t> first_;
   std::vector<Part> parts_;
+  std::vector<LightTree::Groups> shares_;
+  std::vector<std::uint32_t> sharesOf_;  // one a texel, the apron included; kNone = its cut has no groups
 };
 
 }  // namespace
