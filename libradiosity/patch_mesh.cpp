@@ -493,23 +493,65 @@ PatchMesh makePatches(const Scene& scene, const PatchOptions& options, const Run
   }
 }
 
-std::uint32_t PatchMesh::patchAt(std::uint32_t triangle, glm::vec2 bary, bool front) const {
-  std::array<float, 3> w{1.0f - bary.x - bary.y, bary.x, bary.y};
-  const Node* node = &nodes[triangle];
-  while (node->child[0] != kNone) {
+namespace {
+
+/// Down the halves of triangles to the leaf that holds a place.
+struct Descent {
+  const PatchMesh::Node* node = nullptr;
+  std::array<float, 3> w{};  // weights of the node's corners
+
+  Descent() = default;
+  Descent(const PatchMesh::Node& triangle, glm::vec2 bary) : node(&triangle), w{1.0f - bary.x - bary.y, bary.x, bary.y} {}
+  bool atLeaf() const { return node->child[0] == kNone; }
+  void step(const PatchMesh::Node* nodes) {
     const float p = w[node->edge], q = w[(node->edge + 1) % 3u], apex = w[(node->edge + 2) % 3u];
     // Weights in the half that holds the place: (p, m, apex) or (m, q, apex), m the middle of p and q.
-    if (p >= q) {
-      w = {p - q, 2.0f * q, apex};
-      node = &nodes[node->child[0]];
-    } else {
-      w = {2.0f * p, q - p, apex};
-      node = &nodes[node->child[1]];
+    const bool first = p >= q;
+    w = first ? std::array{p - q, 2.0f * q, apex} : std::array{2.0f * p, q - p, apex};
+    node = nodes + node->child[first ? 0 : 1];
+  }
+  std::uint32_t patch(bool front) const {
+    if (node->patch == kNone || front) return node->patch;
+    return node->twoSided ? node->patch + 1 : kNone;
+  }
+};
+
+}  // namespace
+
+std::uint32_t PatchMesh::patchAt(std::uint32_t triangle, glm::vec2 bary, bool front) const {
+  Descent d(nodes[triangle], bary);
+  while (!d.atLeaf()) d.step(nodes.data());
+  return d.patch(front);
+}
+
+void PatchMesh::patchesAt(std::span<const Hit> hits, std::span<std::uint32_t> out) const {
+  constexpr std::size_t kAtOnce = 64;
+  std::array<Descent, kAtOnce> open;
+  std::array<std::size_t, kAtOnce> hitOf;
+  for (std::size_t begin = 0; begin < hits.size(); begin += kAtOnce) {
+    std::size_t count = 0;
+    for (std::size_t i = begin; i < std::min(begin + kAtOnce, hits.size()); ++i) {
+      out[i] = kNone;
+      if (!hits[i]) continue;
+      open[count] = Descent(nodes[hits[i].triangle], hits[i].bary);
+      hitOf[count++] = i;
+    }
+    // A step each in turn: every step waits for memory, and so all wait together.
+    while (count > 0) {
+      std::size_t left = 0;
+      for (std::size_t k = 0; k < count; ++k) {
+        if (open[k].atLeaf()) {
+          out[hitOf[k]] = open[k].patch(hits[hitOf[k]].front);
+          continue;
+        }
+        open[k].step(nodes.data());
+        __builtin_prefetch(open[k].node);
+        open[left] = open[k];
+        hitOf[left++] = hitOf[k];
+      }
+      count = left;
     }
   }
-  if (node->patch == kNone) return kNone;
-  if (front) return node->patch;
-  return node->twoSided ? node->patch + 1 : kNone;
 }
 
 std::pair<std::uint32_t, glm::dvec2> PatchMesh::sample(const Patch& patch, glm::vec2 u) const {

@@ -11,6 +11,8 @@
 
 namespace lmc {
 
+struct Hit;  // tracer.h
+
 /// A part of a scene triangle that belongs to one patch: the corners' weights of the triangle's second and third corner.
 struct Leaf {
   std::uint32_t triangle = 0;
@@ -62,6 +64,9 @@ struct PatchMesh {
 
   /// The patch seen at a place of a triangle from its front or back; kNone where that side reflects nothing (back of a one-sided material).
   std::uint32_t patchAt(std::uint32_t triangle, glm::vec2 bary, bool front) const;
+
+  /// The same for many hits, which takes far less time where the mesh is larger than the caches; kNone also where nothing was hit.
+  void patchesAt(std::span<const Hit> hits, std::span<std::uint32_t> out) const;
 
   /// A place on the patch, uniform by area for u uniform in the unit square; weights for surfacePoint().
   std::pair<std::uint32_t, glm::dvec2> sample(const Patch&, glm::vec2 u) const;

@@ -67,12 +67,16 @@ class Hits {
   template <class V>
   void apply(const Surfaces& s, const std::vector<V>& b, std::vector<V>& power, const Run& run) const {
     const std::size_t n = s.area.size();
-    std::vector<V> scaled(n);
-    for (std::size_t i = 0; i < n; ++i) scaled[i] = s.scale[i] * b[i];
+    struct Sender {  // both in one place of memory: hits are all over it
+      V scaled;
+      double density;
+    };
+    std::vector<Sender> senders(n);
+    for (std::size_t i = 0; i < n; ++i) senders[i] = {s.scale[i] * b[i], density_[i]};
     power.assign(n, V(0.0));
     Run quiet = run;
     quiet.onProgress = {};
-    const auto given = [&](std::size_t i, std::size_t j) { return scaled[j] / (density_[i] + density_[j]); };
+    const auto given = [&](std::size_t i, std::size_t j) { return senders[j].scaled / (density_[i] + senders[j].density); };
     parallelFor(quiet, n, 64, [&](std::size_t i) {
       std::vector<std::uint32_t> own;
       V sum(0.0);
@@ -110,12 +114,12 @@ class Hits {
       const std::uint32_t rays = std::min(kRaysAtOnce, std::uint32_t(met.size()) - begin);
       for (std::uint32_t r = 0; r < rays; ++r) batch[r] = exposedRay(scene_, tracer_, mesh_, patch, numbers.point(begin + r), places);
       tracer_.closest({batch.data(), rays}, {hits.data(), rays}, Purpose::Shoot);
+      const std::span<std::uint32_t> own = met.subspan(begin, rays);
+      mesh_.patchesAt({hits.data(), rays}, own);
       for (std::uint32_t r = 0; r < rays; ++r) {
-        met[begin + r] = kNone;
         if (!hits[r]) continue;
-        const std::uint32_t to = mesh_.patchAt(hits[r].triangle, hits[r].bary, hits[r].front);
-        ++(to == kNone ? count.backs : count.fronts);
-        if (to != kNone && mesh_.patches[to].area_m2 > 0.0) met[begin + r] = placeOf_[to];
+        ++(own[r] == kNone ? count.backs : count.fronts);
+        if (own[r] != kNone) own[r] = mesh_.patches[own[r]].area_m2 > 0.0 ? placeOf_[own[r]] : kNone;
       }
     }
     return count;
