@@ -35,10 +35,18 @@ class TimeToError(unittest.TestCase):
         self.assertIsNone(tte.exponent([(0.005, 0.07), (0.003, 0.06)]))
         self.assertIsNone(tte.exponent([(0.0, 0.01), (0.0, 0.01)]))
 
+    def test_the_cheapest_repetition_counts(self):
+        def row(program, max_error, cpu_seconds):
+            return {'scene': 'hall', 'program': program, 'max_error': max_error, 'cpu_seconds': cpu_seconds}
+
+        kept = tte.cheapest([row('lmc', 0.08, 3.0), row('baseline', 0.08, 1.0), row('lmc', 0.08, 2.0), row('lmc', 0.04, 5.0)])
+        self.assertEqual(kept, [row('lmc', 0.08, 2.0), row('baseline', 0.08, 1.0), row('lmc', 0.04, 5.0)])
+
     def test_a_broken_command_line_ends_with_1(self):
         for broken in ('2,4', '0', 'two', '200'):
             self.assertEqual(exit_code('--lmc', 'lmc', '--shared', '.', '--max-error', broken), 1, broken)
         self.assertEqual(exit_code('--shared', '.'), 1)
+        self.assertEqual(exit_code('--lmc', 'lmc', '--shared', '.', '--repeat', '0'), 1)
 
     def test_a_missing_file_ends_with_2(self):
         with tempfile.TemporaryDirectory() as folder:
