@@ -22,7 +22,7 @@ constexpr double kPatchesAtTwoPercent = 3000.0;
 // same error, of patches of one size.
 constexpr double kCoarsePatch = 2.0;
 constexpr std::uint8_t kPatchLevels = 2;
-constexpr std::size_t kDenseByItself = 600;    // below it the dense solver costs less than the noise of shooting
+constexpr std::size_t kDenseByItself = 100;    // faces of patches: below it the dense solver costs less than stored rays, and has no noise
 constexpr double kStoredRays = 32.0;           // of a patch, each of two streams, at 2 %
 constexpr double kLeastStoredRays = 65536.0;   // of all patches together: few patches are seen large
 constexpr double kNearlyWhite = 0.95;          // area mean of reflectance from which shooting takes hundreds of passes: dense there
@@ -198,8 +198,9 @@ double maxTailOf(const BakeOptions& o) { return o.bounceTail > 0.0 ? o.bounceTai
 Solver solverFor(const Bake& b) {
   if (b.options.passes > 0 || b.options.snapshot) return Solver::Shooting;
   if (b.options.solver != Solver::Auto) return b.options.solver;
-  return b.patches.patches.size() <= (b.meanReflectance > kNearlyWhite ? kDenseNearlyWhite : kDenseByItself) ? Solver::Dense
-                                                                                                             : Solver::Stored;
+  const bool dense =
+      b.meanReflectance > kNearlyWhite ? b.patches.patches.size() <= kDenseNearlyWhite : b.patches.leaves.size() <= kDenseByItself;
+  return dense ? Solver::Dense : Solver::Stored;
 }
 
 void solveDensely(Bake& b) {
