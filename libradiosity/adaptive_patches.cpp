@@ -29,7 +29,7 @@ std::vector<Rgb> indirectOf(const Scene& scene, const Tracer& tracer, const Dire
   options.stream = kStream;
   const Bounced bounced = solveStored(scene, tracer, mesh, light, options, run).solution.illuminance;
   for (std::size_t i = 0; i < bounced.size(); ++i) light.sky[i] += bounced[i];
-  const TexelPatches places(scene, mesh, map, texels, run);
+  const TexelPatches places(scene, mesh, texels, run);
   const PatchGroups single = singlePatches(mesh);
   const Slopes slopes(mesh, map, places, single);
   const Sloped indirect = slopes.of(std::move(light.sky));

@@ -140,7 +140,7 @@ struct Field::Parts {
   Parts(const Scene& scene, const PatchMesh& patchMesh, const DirectMap& map, const TexelMap& texels, const Run& run)
       : mesh(patchMesh),
         illuminance(map.illuminance),
-        places(scene, patchMesh, map, texels, run),
+        places(scene, patchMesh, texels, run),
         single(singlePatches(patchMesh)),
         group(coarseGroups(patchMesh)),
         fine(patchMesh, map, places, single),

@@ -14,15 +14,15 @@ constexpr double kRidge =
 
 }  // namespace
 
-TexelPatches::TexelPatches(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap& texels, const Run& run)
-    : patch(std::size_t(map.width) * std::size_t(map.height), kNone), position_m(patch.size(), glm::vec3(0.0f)) {
+TexelPatches::TexelPatches(const Scene& scene, const PatchMesh& mesh, const TexelMap& texels, const Run& run)
+    : patch(std::size_t(texels.width()) * std::size_t(texels.height()), kNone), position_m(patch.size(), glm::vec3(0.0f)) {
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t tileIndex) {
     const TexelTile tile = texels.texels(tileIndex);
     for (int y = 0; y < tile.height; ++y)
       for (int x = 0; x < tile.width; ++x) {
         if (tile.at(x, y).fragmentCount == 0) continue;
         const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
-        const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(map.width) + std::size_t(tile.x0 + x);
+        const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(texels.width()) + std::size_t(tile.x0 + x);
         patch[i] = mesh.patchAt(p.triangle, p.bary, true);
         position_m[i] = glm::vec3(p.position_m);
       }

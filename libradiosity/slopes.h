@@ -11,7 +11,7 @@ namespace lmc {
 
 /// Where the map's texels lie on patches.
 struct TexelPatches {
-  TexelPatches(const Scene&, const PatchMesh&, const DirectMap&, const TexelMap&, const Run&);
+  TexelPatches(const Scene&, const PatchMesh&, const TexelMap&, const Run&);
   std::vector<std::uint32_t> patch;   ///< under each texel's middle; kNone = not covered, or it reflects nothing
   std::vector<glm::vec3> position_m;  ///< of the texel's middle
 };

@@ -16,8 +16,9 @@ namespace lmc {
 namespace {
 
 constexpr std::uint32_t kRaysAtOnce = 64;
-constexpr double kByPower = 0.5;       // of the rays
-constexpr double kMostRays = 65536.0;  // of one patch
+constexpr double kRaysAtTwoPercent = 32.0, kLeastRays = 65536.0;  // of a patch; of all together
+constexpr double kByPower = 0.5;                                  // of the rays
+constexpr double kMostRays = 65536.0;                             // of one patch
 
 /// N_ij rays of i met j, of R_i. Both A_i N_ij/R_i and A_j N_ji/R_j estimate the exchange area; weights inverse to their variances, which
 /// go with A_i/R_i and A_j/R_j, make it (N_ij + N_ji)/(R_i/A_i + R_j/A_j) (the balance heuristic).
@@ -212,6 +213,10 @@ StoredSolution solveAs(const Scene& scene, const Tracer& tracer, const PatchMesh
 }
 
 }  // namespace
+
+std::uint32_t storedRaysFor(double goal, std::size_t patches) {
+  return std::uint32_t(std::ceil(std::max(kRaysAtTwoPercent * 0.02 / goal, kLeastRays / double(std::max<std::size_t>(1, patches)))));
+}
 
 StoredSolution solveStored(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const PatchLight& light,
                            const StoredOptions& options, const Run& run) {

@@ -13,6 +13,10 @@ struct StoredOptions {
   std::uint64_t maxBytes = ~std::uint64_t(0);  ///< for hits: 8 bytes a ray, or 4 at half the speed, or none and every sweep casts again
 };
 
+/// Rays of a patch for a relative RMS error of the map: the field's error goes with 1/sqrt(all rays), patches go with 1/goal, and so rays a
+/// patch do, too. Few patches are seen large, and get more.
+std::uint32_t storedRaysFor(double goal, std::size_t patches);
+
 struct StoredSolution {
   Solution solution;
   std::uint64_t bytes = 0;    ///< of stored hits; StoredOptions::maxBytes changes nothing else

@@ -14,11 +14,6 @@ namespace {
 constexpr std::uint32_t kDirectPlaces = 64;
 constexpr std::uint64_t kPlaceAddress = 0x91ace5;  // of random numbers, apart from those of texels
 
-/// As many as the program casts (stages.cpp).
-std::uint32_t storedRays(double goal, std::size_t patches) {
-  return std::uint32_t(std::ceil(std::max(32.0 * 0.02 / goal, 65536.0 / double(std::max<std::size_t>(1, patches)))));
-}
-
 SurfacePoint surfacePoint(const Scene& scene, const QuadPlace& place) {
   // A quad's triangles: (0, 0) (1, 0) (1, 1) and (0, 0) (1, 1) (0, 1).
   const std::uint32_t first = scene.objects[place.object].firstTriangle;
@@ -96,7 +91,7 @@ Baked bakeScene(const Scene& scene, const BakeSceneOptions& o) {
         out.solution = solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {});
       } else if (o.solver == Solver::Stored) {
         StoredOptions stored;
-        stored.rays = storedRays(o.goal, mesh.patches.size());
+        stored.rays = storedRaysFor(o.goal, mesh.patches.size());
         out.solution = solveStored(scene, tracer, mesh, light, stored, run).solution;
         stored.stream = 1;
         second = solveStored(scene, tracer, mesh, light, stored, run).solution;

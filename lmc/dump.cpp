@@ -6,8 +6,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "libradiosity/slopes.h"
 #include "libscene/image_file.h"
-#include "libscene/parallel.h"
 #include "libscene/rng.h"
 
 namespace lmc {
@@ -53,18 +53,14 @@ void writePicture(OutputFile& file, const Bake& b) {
   std::uint8_t finest = 0;
   for (const Patch& p : b.patches.patches) finest = std::max(finest, p.level);
   Image<glm::u8vec4> picture(b.map.width, b.map.height, glm::u8vec4(0, 0, 0, 255));
-  parallelFor(Run{b.run.threads, b.run.seed, {}, {}}, b.texels->tileCount(), 1, [&](std::size_t t) {
-    const TexelTile tile = b.texels->texels(t);
-    for (int y = 0; y < tile.height; ++y)
-      for (int x = 0; x < tile.width; ++x) {
-        if (tile.at(x, y).fragmentCount == 0) continue;
-        const SurfacePoint p = TexelSampler(b.scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
-        const std::uint32_t patch = b.patches.nodes.empty() ? kNone : b.patches.patchAt(p.triangle, p.bary, true);
-        if (patch == kNone) continue;
-        const int coarser = finest - b.patches.patches[patch].level;
-        picture.at(tile.x0 + x, tile.y0 + y) = colourOf(patch, std::pow(0.7, coarser));
+  if (!b.patches.nodes.empty()) {
+    const TexelPatches places(b.scene, b.patches, *b.texels, Run{b.run.threads, b.run.seed, {}, {}});
+    for (int y = 0; y < picture.height; ++y)
+      for (int x = 0; x < picture.width; ++x) {
+        const std::uint32_t patch = places.patch[std::size_t(y) * std::size_t(picture.width) + std::size_t(x)];
+        if (patch != kNone) picture.at(x, y) = colourOf(patch, std::pow(0.7, finest - b.patches.patches[patch].level));
       }
-  });
+  }
   const std::vector<std::uint8_t> png = encodePng(picture, false);
   file.write(png.data(), png.size());
 }

@@ -21,8 +21,8 @@ constexpr std::uint64_t kTexelSolve = 64;     // when stored rays are there
 constexpr std::uint64_t kTriangle = 320;      // ray tracer, charts, places of texels
 constexpr std::uint64_t kPatch = 1500;        // faces, clusters, solutions
 constexpr double kPatchesPerSquare = 3.0;
-constexpr double kSquaresAtTwoPercent = 3000.0;  // as stages.cpp asks for
-constexpr std::uint64_t kPatchOfLinks = 3000;    // 25 links a patch, those of the round before beside them
+constexpr double kSquaresAtTwoPercent = 3000.0;
+constexpr std::uint64_t kPatchOfLinks = 3000;  // 25 links a patch, those of the round before beside them
 constexpr std::uint64_t kDensePair = 12;
 
 template <class T>
@@ -32,6 +32,8 @@ std::uint64_t bytes(const std::vector<T>& v) {
 
 }  // namespace
 
+double squaresFor(double goal) { return kSquaresAtTwoPercent * 0.02 / goal; }
+
 MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, bool bounce, std::uint64_t machine_bytes) {
   std::uint64_t level = bytes(scene.positions_m) + bytes(scene.normals) + bytes(scene.uv0) + bytes(scene.uv1) + bytes(scene.colors) +
                         bytes(scene.triangles) + bytes(scene.triangleObject) + kTriangle * scene.triangles.size();
@@ -39,7 +41,7 @@ MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, bool b
   const std::uint64_t texels = std::uint64_t(side) * std::uint64_t(side);
   std::uint64_t patches = 0;
   if (bounce && !scene.triangles.empty()) {
-    double squares = kSquaresAtTwoPercent * 0.02 / o.goal;
+    double squares = squaresFor(o.goal);
     if (o.patchSize_m > 0.0) squares = std::pow(patchSizeFor_m(scene, 1.0) / o.patchSize_m, 2.0);
     patches = std::uint64_t(std::min(kPatchesPerSquare * squares, double(o.maxPatches)));
   }

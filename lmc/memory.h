@@ -12,6 +12,10 @@ struct MemoryPlan {
   bool compactField() const { return limit_bytes < wanted_bytes; }
 };
 
+/// Squares of the patch size in a level's area; up to three times as many patches come of it. Their number goes with 1/goal, for their
+/// error is of second order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
+double squaresFor(double goal);
+
 /// `side`: of the map [texels]; `bounce`: whether patches are made.
 MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, bool bounce, std::uint64_t machine_bytes);
 

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "libradiosity/adaptive_patches.h"
+#include "libradiosity/slopes.h"
 #include "libscene/exr.h"
 #include "libscene/files.h"
 #include "libscene/parallel.h"
@@ -15,16 +17,11 @@ namespace lmc {
 namespace {
 
 constexpr double kDefaultTexelsPerMetre = 16.0;
-// Squares of the patch size in a level's area; about three times as many patches come of it. Their number goes with 1/goal, for their error
-// is of second order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
-constexpr double kPatchesAtTwoPercent = 3000.0;
 // Patches are that much larger where direct light and albedo are even, and halved so often where they are not: half of the number, and the
 // same error, of patches of one size.
 constexpr double kCoarsePatch = 2.0;
 constexpr std::uint8_t kPatchLevels = 2;
 constexpr std::size_t kDenseByItself = 100;    // faces of patches: below it the dense solver costs less than stored rays, and has no noise
-constexpr double kStoredRays = 32.0;           // of a patch, each of two streams, at 2 %
-constexpr double kLeastStoredRays = 65536.0;   // of all patches together: few patches are seen large
 constexpr double kNearlyWhite = 0.95;          // area mean of reflectance from which shooting takes hundreds of passes: dense there
 constexpr double kPatchesNearlyWhite = 400.0;  // squares; the field of such a level is smooth
 constexpr std::size_t kDenseNearlyWhite = 1500;
@@ -171,7 +168,7 @@ void patches(Bake& b) {
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
   PatchOptions options;
   options.maxPatches = b.options.maxPatches;
-  const double wanted = std::min(kPatchesAtTwoPercent * 0.02 / b.options.goal, double(options.maxPatches));
+  const double wanted = std::min(squaresFor(b.options.goal), double(options.maxPatches));
   options.size_m = b.options.patchSize_m > 0.0 ? b.options.patchSize_m : patchSizeFor_m(b.scene, wanted);
   if (b.options.patchSize_m > 0.0) {
     b.patches = makePatches(b.scene, options, b.run);
@@ -212,10 +209,8 @@ void solveDensely(Bake& b) {
 }
 
 void solveByStoredRays(Bake& b) {
-  const double n = double(b.patches.patches.size());
   StoredOptions options;
-  // The field's error goes with 1/sqrt(all rays); patches go with 1/goal, and so rays a patch do, too.
-  options.rays = std::uint32_t(std::ceil(std::max(kStoredRays * 0.02 / b.options.goal, kLeastStoredRays / n)));
+  options.rays = storedRaysFor(b.options.goal, b.patches.patches.size());
   options.maxTail = maxTailOf(b.options);
   options.maxBytes = b.memory.rays_bytes;
   for (std::uint32_t half = 0; half < 2; ++half) {
@@ -257,6 +252,8 @@ void solveByLinks(Bake& b) {
 }
 
 void solveByShooting(Bake& b) {
+  std::optional<TexelPatches> under;
+  if (b.options.snapshot) under.emplace(b.scene, b.patches, *b.texels, Run{b.run.threads, b.run.seed, {}, {}});
   for (std::uint32_t half = 0; half < 2; ++half) {
     ShootOptions options;
     options.maxTail = maxTailOf(b.options);
@@ -265,17 +262,9 @@ void solveByShooting(Bake& b) {
     if (b.options.snapshot && half == 0)
       options.onPass = [&](int pass, const Bounced& bounced) {
         std::vector<Rgb> E(b.map.size(), Rgb(0.0f));
-        parallelFor(Run{b.run.threads, b.run.seed, {}, {}}, b.texels->tileCount(), 1, [&](std::size_t t) {
-          const TexelTile tile = b.texels->texels(t);
-          for (int y = 0; y < tile.height; ++y)
-            for (int x = 0; x < tile.width; ++x) {
-              if (tile.at(x, y).fragmentCount == 0) continue;
-              const SurfacePoint p = TexelSampler(b.scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
-              const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(b.map.width) + std::size_t(tile.x0 + x);
-              const std::uint32_t patch = b.patches.patchAt(p.triangle, p.bary, true);
-              E[i] = b.values.direct[i] + (patch == kNone ? Rgb(0.0f) : b.patchLight.sky[patch] + bounced[patch]);
-            }
-        });
+        for (std::size_t i = 0; i < E.size(); ++i)
+          if (const std::uint32_t patch = under->patch[i]; b.map.chart[i] != kNone)
+            E[i] = b.values.direct[i] + (patch == kNone ? Rgb(0.0f) : b.patchLight.sky[patch] + bounced[patch]);
         float largest = 0.0f, scale = 1.0f;
         for (const Rgb& e : E) largest = std::max(largest, strength(e));
         while (largest / scale > 32768.0f) scale *= 2.0f;
