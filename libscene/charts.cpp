@@ -30,7 +30,7 @@ constexpr int kMinSide = 16, kMaxSide = 8192;
 
 std::array<glm::dvec2, 3> uvCorners(const Scene& scene, std::uint32_t triangle) {
   const glm::uvec3 t = scene.triangles[triangle];
-  return {glm::dvec2(scene.uv1[t.x]), glm::dvec2(scene.uv1[t.y]), glm::dvec2(scene.uv1[t.z])};
+  return {glm::dvec2(scene.mapUv[t.x]), glm::dvec2(scene.mapUv[t.y]), glm::dvec2(scene.mapUv[t.z])};
 }
 
 std::string pointer(const Object& o) { return fmt::format("/meshes/{}/primitives/{}/attributes/TEXCOORD_1", o.mesh, o.primitive); }
@@ -165,7 +165,7 @@ int mapSide(const Scene& scene, int wanted, double texelsPerMetre) {
 
 Charts findCharts(const Scene& scene, int side, const Run& run) {
   for (const Object& o : scene.objects)
-    if (o.receive && !o.hasUv1 && o.triangleCount > 0)
+    if (o.receive && !o.inMap && o.triangleCount > 0)
       throw Error(
           Exit::Unsupported, scene.file, fmt::format("/meshes/{}/primitives/{}/attributes", o.mesh, o.primitive),
           fmt::format("object '{}' has no TEXCOORD_1: a light map needs a second UV set, and this version does not make one", o.path),
@@ -200,7 +200,7 @@ Charts findCharts(const Scene& scene, int side, const Run& run) {
   for (const std::uint32_t t : placed) {
     const glm::uvec3 v = scene.triangles[t];
     for (int k = 0; k < 3; ++k) {
-      const auto [it, fresh] = firstAt.try_emplace(Key{scene.triangleObject[t], scene.uv1[v[k]]}, t);
+      const auto [it, fresh] = firstAt.try_emplace(Key{scene.triangleObject[t], scene.mapUv[v[k]]}, t);
       if (!fresh) {
         const std::uint32_t a = rootOf(parent, t), b = rootOf(parent, it->second);
         parent[std::max(a, b)] = std::min(a, b);

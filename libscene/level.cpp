@@ -100,6 +100,7 @@ class Loader {
   std::vector<std::uint32_t> useOf_;               ///< nodes still to come that show this mesh
   std::unordered_map<std::uint64_t, Part> parts_;  ///< decoded primitives that are still needed
   std::unordered_set<std::string> objectPaths_, lightPaths_;
+  bool secondSetIsTexture_ = false;  ///< a texture samples TEXCOORD_1
   PartReport partReport_;
   std::uint64_t flattened_ = 0, flat_ = 0, defaultMaterial_ = 0, notUnitRotations_ = 0;
 };
@@ -324,7 +325,12 @@ void Loader::addVertices(const Part& part, const glm::dmat4& world, const std::s
     to.resize(first + count);
   };
   append(scene_.uv0, part.uv0);
-  append(scene_.uv1, part.uv1);
+  if (secondSetIsTexture_) append(scene_.uv1, part.uv1);
+  append(scene_.mapUv, part.uv1);
+  if (part.source.empty())
+    for (std::uint32_t v = 0; v < count; ++v) scene_.sourceVertex.push_back(v);
+  else
+    append(scene_.sourceVertex, part.source);
   if (part.colors.empty() && scene_.colors.empty()) return;
   scene_.colors.resize(first, glm::vec4(1.0f));
   scene_.colors.insert(scene_.colors.end(), part.colors.begin(), part.colors.end());
@@ -381,6 +387,8 @@ void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_
   if (world_m_.size() + geometry.positions.size() >= kNone)
     throw Error(Exit::Broken, file_.path, where, "the level has more than 4 billion vertices", "LMC_MEMORY_LIMIT");
   object.firstTriangle = std::uint32_t(scene_.triangles.size());
+  object.firstVertex = firstVertex;
+  object.vertexCount = std::uint32_t(geometry.positions.size());
   addVertices(geometry, world, where);
   if (!addTriangles(geometry, firstVertex, glm::determinant(glm::dmat3(world)) < 0.0)) {
     ++flat_;
@@ -395,7 +403,7 @@ void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_
   object.path = uniquePath(objectPaths_, path, visit.node);
   object.receive = visit.state.receive;
   object.cast = visit.state.cast;
-  object.hasUv1 = !geometry.uv1.empty();
+  object.inMap = !geometry.uv1.empty();
   object.texelsPerMetre = visit.state.texelsPerMetre;
   defaultMaterial_ += from.material < 0;
   scene_.objects.push_back(std::move(object));
@@ -531,6 +539,8 @@ Scene Loader::load() {
   visitNodes();
   chooseMeshNodes();
   scene_.materials = readMaterials(file_, model_, run_);
+  for (const Material& m : scene_.materials)
+    for (const TextureSlot& slot : kTextureSlots) secondSetIsTexture_ |= bool(m.*slot.texture) && (m.*slot.texture).uvSet == 1;
   countAhead();
   for (std::size_t i = 0; i < meshNodes_.size(); ++i) {
     addNode(visits_[meshNodes_[i]]);

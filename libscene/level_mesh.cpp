@@ -112,6 +112,8 @@ void unshare(std::vector<T>& values, std::span<const glm::uvec3> triangles) {
 }
 
 void makeFlat(Part& part) {
+  for (const glm::uvec3& t : part.triangles)
+    for (int c = 0; c < 3; ++c) part.source.push_back(t[c]);
   unshare(part.positions, part.triangles);
   unshare(part.uv0, part.triangles);
   unshare(part.uv1, part.triangles);

@@ -14,6 +14,7 @@ struct Part {
   std::vector<glm::vec2> uv0, uv1;
   std::vector<glm::vec4> colors;
   std::vector<glm::uvec3> triangles;
+  std::vector<std::uint32_t> source;  ///< the vertex of the primitive that each is a copy of; empty = they are the primitive's own
 };
 
 /// A triangle with less has no area in single precision and is left out.

@@ -128,7 +128,7 @@ Exit shade(const ShadeOptions& options) {
           if (!hit.front && !scene.materialOf(hit.triangle).doubleSided) continue;
           const glm::uvec3 t = scene.triangles[hit.triangle];
           const glm::vec2 uv =
-              (1.0f - hit.bary.x - hit.bary.y) * scene.uv1[t.x] + hit.bary.x * scene.uv1[t.y] + hit.bary.y * scene.uv1[t.z];
+              (1.0f - hit.bary.x - hit.bary.y) * scene.mapUv[t.x] + hit.bary.x * scene.mapUv[t.y] + hit.bary.y * scene.mapUv[t.z];
           if (scene.objectOf(hit.triangle).receive) sum += glm::dvec3(reflectanceAt(scene, hit.triangle, hit.bary) * map.at(uv)) / kPi;
           sum += glm::dvec3(emissionAt(scene, hit.triangle, hit.bary));
         }

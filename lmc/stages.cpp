@@ -88,7 +88,7 @@ void charts(Bake& b) {
                             b.options.memory_bytes > 0 ? "the limit is" : "this machine has", sizeText(b.memory.limit_bytes)),
                 "LMC_MEMORY");
   b.charts = findCharts(b.scene, b.side, b.run);
-  b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side, b.side);
+  b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side);
   b.map = startMap(b.scene, *b.texels, b.run);
   warnOfLostCharts(b);
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
