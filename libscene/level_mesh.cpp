@@ -170,6 +170,11 @@ std::uint64_t triangleCount(const tinygltf::Model& model, const tinygltf::Primit
   return list ? count / 3 : count < 3 ? 0 : count - 2;
 }
 
+std::vector<glm::uvec3> readTriangles(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
+  const auto vertices = model.accessors[std::size_t(attribute(primitive, "POSITION"))].count;
+  return trianglesOf(primitive.mode, cornersOf(file, model, primitive, vertices));
+}
+
 Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, PartReport& report) {
   const tinygltf::Primitive& from = model.meshes[mesh].primitives[primitive];
   const Place place{file, fmt::format("/meshes/{}/primitives/{}", mesh, primitive)};
@@ -178,7 +183,7 @@ Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t me
   for (std::size_t v = 0; v < part.positions.size(); ++v)
     if (const glm::vec3 p = part.positions[v]; !std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
       throw place.broken("/attributes/POSITION", fmt::format("vertex {} is not finite", v), "LMC_POSITION_NOT_FINITE");
-  part.triangles = trianglesOf(from.mode, cornersOf(file, model, from, part.positions.size()));
+  part.triangles = readTriangles(file, model, from);
   if (const int a = attribute(from, "TEXCOORD_0"); a >= 0) part.uv0 = readUvs(place, model, a, "TEXCOORD_0");
   if (const int a = attribute(from, "TEXCOORD_1"); a >= 0) part.uv1 = readUvs(place, model, a, "TEXCOORD_1");
   if (const int a = attribute(from, "COLOR_0"); a >= 0) part.colors = readColors(place, model, a);

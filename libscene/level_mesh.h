@@ -24,6 +24,9 @@ inline constexpr double kMinTwiceArea = std::numeric_limits<float>::min();
 bool hasTriangles(const tinygltf::Primitive& primitive);  ///< mode, and POSITION is there
 std::uint64_t triangleCount(const tinygltf::Model& model, const tinygltf::Primitive& primitive);
 
+/// Strips, fans and lists, indexed or not, as vertices of the primitive; those without area too. The primitive must have triangles.
+std::vector<glm::uvec3> readTriangles(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Primitive& primitive);
+
 struct PartReport {
   std::uint64_t degenerate = 0;      ///< triangles without area, left out
   std::uint64_t normalsRebuilt = 0;  ///< zero or not finite, made from the faces at the vertex
