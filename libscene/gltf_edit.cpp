@@ -203,6 +203,7 @@ struct GltfEdit::State {
   Json json;                                                   ///< as it goes out
   std::vector<std::uint8_t> bin;                               ///< buffer 0 of it
   std::map<std::pair<int, std::size_t>, std::uint32_t> known;  ///< accessor and fingerprint of its vertices -> the new accessor
+  std::map<std::size_t, std::uint32_t> knownTriangles;         ///< by fingerprint
 };
 
 std::uint32_t GltfEdit::State::gathered(int accessor, std::span<const std::uint32_t> source) {
@@ -275,6 +276,32 @@ std::vector<float> GltfEdit::attribute(std::uint32_t mesh, std::uint32_t primiti
   return readFloats(state_->file, state_->model, it->second);
 }
 
+std::vector<GltfEdit::Json> GltfEdit::expandInstances(std::uint32_t node) {
+  std::vector<Json> out;
+  for (const Trs& t : readInstances(state_->file, state_->model, node)) {
+    const glm::dquat r = glm::dot(t.rotation, t.rotation) > 0.0 ? glm::normalize(t.rotation) : glm::dquat(1.0, 0.0, 0.0, 0.0);
+    out.push_back({{"translation", {t.translation.x, t.translation.y, t.translation.z}},
+                   {"rotation", {r.x, r.y, r.z, r.w}},
+                   {"scale", {t.scale.x, t.scale.y, t.scale.z}}});
+  }
+  constexpr const char* kName = "EXT_mesh_gpu_instancing";
+  Json& json = state_->json;
+  Json& from = json["nodes"].at(node);
+  if (!extension(from, kName)) return out;
+  from["extensions"].erase(kName);
+  if (from["extensions"].empty()) from.erase("extensions");
+  if (std::ranges::none_of(json["nodes"], [&](const Json& n) { return extension(n, kName) != nullptr; }))
+    for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
+      if (!json.contains(list)) continue;
+      Json left = Json::array();
+      for (const Json& name : json[list])
+        if (name != kName) left.push_back(name);
+      json[list] = left;
+      if (left.empty()) json.erase(list);
+    }
+  return out;
+}
+
 std::uint32_t GltfEdit::addFloats(std::span<const float> values, int components) {
   constexpr const char* kTypes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
   const std::size_t view =
@@ -310,7 +337,11 @@ GltfEdit::Json GltfEdit::withVertices(const Json& primitive, const NewVertices& 
   follow(out["attributes"]);
   if (out.contains("targets"))
     for (Json& target : out["targets"]) follow(target);
-  out["indices"] = addTriangles(vertices.triangles);
+  std::size_t print = vertices.triangles.size();
+  for (const glm::uvec3& t : vertices.triangles) print = std::size_t(combine(combine(print, t.x), combine(t.y, t.z)));
+  const auto [it, fresh] = state_->knownTriangles.try_emplace(print);
+  if (fresh) it->second = addTriangles(vertices.triangles);
+  out["indices"] = it->second;
   out.erase("mode");  // triangles are the default
   return out;
 }
@@ -318,6 +349,11 @@ GltfEdit::Json GltfEdit::withVertices(const Json& primitive, const NewVertices& 
 void GltfEdit::dropUnused() {
   Json& json = state_->json;
   if (!pointsAreKnown(json)) return;
+  keepUsed(json, "meshes", [](Json& j, auto&& f) {
+    if (j.contains("nodes"))
+      for (Json& node : j["nodes"])
+        if (node.contains("mesh")) f(node["mesh"]);
+  });
   keepUsed(json, "accessors", [](Json& j, auto&& f) { forAccessors(j, f); });
   keepUsed(json, "bufferViews", [](Json& j, auto&& f) { forViews(j, f); });
   std::vector<std::uint8_t> bin;
@@ -337,8 +373,8 @@ std::vector<std::uint8_t> GltfEdit::glb() {
   // Without bytes nothing can point to buffer 0, and glTF has no empty arrays.
   else if (json["buffers"].size() == 1)
     json["buffers"] = Json::array();
-  for (const char* array : {"accessors", "buffers", "bufferViews"})
-    if (json[array].empty()) json.erase(array);
+  for (const char* array : {"accessors", "buffers", "bufferViews", "meshes"})
+    if (json.contains(array) && json[array].empty()) json.erase(array);
   return withJsonErrors(state_->file.path, [&] { return asGlb(json.dump(), state_->bin, state_->file.path); });
 }
 

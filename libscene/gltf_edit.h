@@ -36,6 +36,10 @@ class GltfEdit {
   /// An attribute as floats, `components` a vertex; empty where the primitive has it not.
   std::vector<float> attribute(std::uint32_t mesh, std::uint32_t primitive, const char* name, int components) const;
 
+  /// EXT_mesh_gpu_instancing of a node as nodes of their own, without a mesh: only the members translation, rotation, scale. Takes the
+  /// extension off the node. Empty where it has none.
+  std::vector<Json> expandInstances(std::uint32_t node);
+
   /// A new accessor of floats for vertices; `components` 1 to 4 an element.
   std::uint32_t addFloats(std::span<const float> values, int components);
   /// A new accessor of triangles, in the smallest type that holds them.
@@ -44,8 +48,8 @@ class GltfEdit {
   /// vertices for the same accessor are written once.
   Json withVertices(const Json& primitive, const NewVertices& vertices);
 
-  /// Accessors and views that nothing has any more go, with their bytes. Does nothing where an extension is in use of which it is not
-  /// known what it points to.
+  /// Meshes, accessors and views that nothing has any more go, with their bytes. Does nothing where an extension is in use of which it is
+  /// not known what it points to.
   void dropUnused();
 
   /// One self-contained GLB. Throws Error Limit above 4 GiB.
