@@ -266,6 +266,42 @@ Command parseCommandLine(int argc, const char* const* argv) {
   verifyApp->add_option("--seed", verify.seed, "of all random numbers")->capture_default_str();
   verifyApp->add_option("-j,--threads", verify.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
+  UnwrapOptions unwrap;
+  CLI::App* unwrapApp = app.add_subcommand("unwrap", "make, repair or keep light-map UVs, and write the level with them");
+  unwrapApp->add_option("LEVEL", unwrap.level, "level to read, .glb or .gltf")->required();
+  unwrapApp->add_option("-o,--out", unwrap.out, "GLB file to write")->required();
+  addUvOptions(unwrapApp, unwrap.uv);
+  addInputLimits(unwrapApp, unwrap.limits);
+  unwrapApp->add_flag("--json", unwrap.json, "print what was done as JSON");
+  unwrapApp->add_option("-j,--threads", unwrap.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+
+  InfoOptions info;
+  CLI::App* infoApp = app.add_subcommand("info", "table of a level's objects: area, light-map UVs and their faults, texel density, memory");
+  infoApp->add_option("LEVEL", info.level, "level to read, .glb or .gltf")->required();
+  infoApp
+      ->add_option("--pictures", info.pictures,
+                   "folder for charts.png (a colour a chart) and density.png (too coarse blue, right green, too fine red, overlap magenta)")
+      ->type_name("DIR");
+  infoApp->add_option("--map-size", info.uv.mapSize, "side of a light map in texels [default: as for a bake]")->check(CLI::Range(4, 16384));
+  infoApp->add_option("--texels-per-metre", info.uv.texelsPerMetre, "density when no size is given [default: as for a bake]")
+      ->check(CLI::Range(1e-6, 1e6));
+  addInputLimits(infoApp, info.limits);
+  infoApp->add_flag("--json", info.json, "print the table as JSON");
+  infoApp->add_option("-j,--threads", info.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+
+  AttachOptions attach;
+  CLI::App* attachApp = app.add_subcommand(
+      "attach", "put the maps of a bake on a level that an optimiser rewrote; exit code 5 when objects are left without");
+  attachApp->add_option("LEVEL", attach.level, "rewritten level, .glb or .gltf")->required();
+  attachApp->add_option("OUT", attach.baked, "folder of the bake")->required();
+  attachApp->add_option("-o,--out", attach.out, "GLB file to write [default: attached.glb in OUT]");
+  attachApp->add_option("--tolerance", attach.tolerance, "how far surfaces may have moved, as a share of the level's size")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 0.1));
+  addInputLimits(attachApp, attach.limits);
+  attachApp->add_flag("--json", attach.json, "print what was matched as JSON");
+  attachApp->add_option("-j,--threads", attach.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -286,6 +322,9 @@ Command parseCommandLine(int argc, const char* const* argv) {
   if (*planApp) return plan;
   if (*compareApp) return compare;
   if (*verifyApp) return verify;
+  if (*unwrapApp) return unwrap;
+  if (*infoApp) return info;
+  if (*attachApp) return attach;
   return shade;
 }
 

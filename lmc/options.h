@@ -67,11 +67,37 @@ struct VerifyOptions {
   int threads = 0;
 };
 
+struct UnwrapOptions {
+  std::filesystem::path level, out;
+  UvOptions uv;
+  LoadLimits limits;
+  bool json = false;
+  int threads = 0;
+};
+
+struct InfoOptions {
+  std::filesystem::path level, pictures;  ///< folder for pictures; empty = none
+  UvOptions uv;
+  LoadLimits limits;
+  bool json = false;
+  int threads = 0;
+};
+
+struct AttachOptions {
+  std::filesystem::path level, baked;
+  std::filesystem::path out;  ///< empty = attached.glb in the baked folder
+  double tolerance = 1e-3;    ///< of the level's size: how far optimisers move surfaces
+  LoadLimits limits;
+  bool json = false;
+  int threads = 0;
+};
+
 struct ShowText {
   std::string text;  ///< help or version, for stdout
 };
 
-using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, ShowText>;
+using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, UnwrapOptions, InfoOptions,
+                             AttachOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc

@@ -13,7 +13,7 @@ FOLDERS = {  # folder -> project folders that it may include
 }
 DOORS = {  # outside header -> files that may include it
     r'embree3/': {'libscene/tracer.cpp'},
-    r'CGAL/': {'libscene/charts.cpp'},
+    r'CGAL/': {'libscene/charts.cpp', 'libscene/flatten.cpp'},
     r'OpenMesh/': {'libradiosity/patch_mesh.cpp'},
     r'Imf|half\.h|Imath': {'libscene/exr.cpp'},
     r'png\.h|jpeglib\.h': {'libscene/image_file.cpp'},
