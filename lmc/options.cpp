@@ -185,10 +185,15 @@ Command parseCommandLine(int argc, const char* const* argv) {
   bakeApp->add_flag("--snapshot", bake.snapshot,
                     "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
   bakeApp
-      ->add_option_function<std::string>(
-          "--dump", [&bake](const std::string&) { bake.dumpPatches = true; },
-          "also write what was made on the way: patches (patches.obj, patches.png: patches in the map's layout, the finer the brighter)")
-      ->check(CLI::IsMember({"patches"}))
+      ->add_option_function<std::vector<std::string>>(
+          "--dump",
+          [&bake](const std::vector<std::string>& what) {
+            for (const std::string& w : what) (w == "seams" ? bake.dumpSeams : bake.dumpPatches) = true;
+          },
+          "also write what was made on the way, a list: patches (patches.obj, patches.png: patches in the map's layout, the finer the "
+          "brighter), seams (seams.png: differences across smooth seams before and after they were closed)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"patches", "seams"}))
       ->type_name("WHAT");
   bakeApp
       ->add_option_function<std::string>(

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <map>
 
 #include "libscene/exr.h"
@@ -13,45 +12,17 @@ namespace lmc {
 
 namespace {
 
-constexpr int kPadding = 4;  // texels around charts that repeat the nearest covered one: bilinear and two mip levels stay inside
-
-/// For every texel the covered one whose value it shows: itself, the nearest within kPadding (the lower number where two tie), or kNone.
-std::vector<std::uint32_t> shownTexel(const LightMap& map) {
-  std::vector<std::uint32_t> from(map.size(), kNone);
-  for (int y = 0; y < map.height; ++y)
-    for (int x = 0; x < map.width; ++x) {
-      const std::size_t i = std::size_t(y) * std::size_t(map.width) + std::size_t(x);
-      if (map.chart[i] != kNone) {
-        from[i] = std::uint32_t(i);
-        continue;
-      }
-      int best = kPadding * kPadding + 1;
-      for (int v = std::max(0, y - kPadding); v <= std::min(map.height - 1, y + kPadding); ++v)
-        for (int u = std::max(0, x - kPadding); u <= std::min(map.width - 1, x + kPadding); ++u) {
-          const std::size_t k = std::size_t(v) * std::size_t(map.width) + std::size_t(u);
-          const int d2 = (u - x) * (u - x) + (v - y) * (v - y);
-          if (d2 < best && map.chart[k] != kNone) {
-            best = d2;
-            from[i] = std::uint32_t(k);
-          }
-        }
-    }
-  return from;
-}
-
 void writeMap(OutputFile& file, const Bake& b) {
-  const std::vector<std::uint32_t> from = shownTexel(b.map);
   const std::size_t n = b.map.size();
   const float unit = 1.0f / b.scale;
-  std::vector<Rgb> total(n, Rgb(0.0f)), direct = total, indirect = total, error = total;
+  std::vector<Rgb> total(n), direct(n), indirect(n), error(n);
   std::vector<float> covered(n);
   for (std::size_t i = 0; i < n; ++i) {
     covered[i] = b.map.chart[i] != kNone ? 1.0f : 0.0f;
-    if (from[i] == kNone) continue;
-    direct[i] = unit * b.values.direct[from[i]];
-    indirect[i] = unit * b.values.indirect[from[i]];
+    direct[i] = unit * b.values.direct[i];
+    indirect[i] = unit * b.values.indirect[i];
     total[i] = direct[i] + indirect[i];
-    error[i] = unit * b.values.error[from[i]];
+    error[i] = unit * b.values.error[i];
   }
   std::vector<ExrChannel> channels{{"A", covered.data(), 1}};
   const auto add = [&](const std::string& layer, const std::vector<Rgb>& v) {
@@ -106,6 +77,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   listed("level.glb", glb);
 
   if (b.options.dumpPatches) dumpPatches(set, b);
+  if (b.options.dumpSeams) dumpSeams(set, b);
   set.open("report.json").write(report.dump(2) + "\n");
 
   Json sidecar;
@@ -131,7 +103,7 @@ std::string depfileText(const Bake& b) {
 
 void refuseToOverwriteInputs(const Bake& b) {
   std::vector<std::filesystem::path> outputs;
-  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png"})
+  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png", "seams.png"})
     outputs.push_back(b.options.out / name);
   if (!b.options.depfile.empty()) outputs.push_back(b.options.depfile);
   std::error_code missing;

@@ -29,6 +29,19 @@ Json linksOf(const Bake& b) {
 }
 }  // namespace
 
+namespace {
+Json seamsOf(const Bake& b) {
+  const auto jump = [](const SeamJump& j) {
+    return Json{{"rms_lx", j.rms}, {"largest_lx", j.largest}, {"rms", j.relativeRms}, {"largest", j.relativeLargest}};
+  };
+  const SeamResult& c = b.closed;
+  return {{"pairs", b.seams.smooth.size()}, {"creases", b.seams.creases},   {"samples", c.samples.size()},
+          {"before", jump(c.before)},       {"after", jump(c.after)},       {"texels", c.texels},
+          {"texels_moved", c.moved},        {"texels_at_limit", c.limited}, {"largest_move_lx", c.largestMove_lx},
+          {"largest_move", c.largestMove}};
+}
+}  // namespace
+
 Json planOf(const Plan& plan) {
   Json steps = Json::array();
   for (const Step& s : plan.steps)
@@ -64,6 +77,8 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   }
   r["illuminance"] = {{"unit", "lx"}, {"mean", rgb(mean)}, {"min", e.texels > 0 ? lo : 0.0}, {"max", hi}};
   r["maps"] = Json::array({{{"file", "lightmap.exr"}, {"width", b.map.width}, {"height", b.map.height}, {"scale", b.scale}}});
+  r["seams"] = seamsOf(b);
+  r["padding"] = {{"texels", kPadding}, {"contested", b.padding.contested.size()}};
   r["texels"] = {{"covered", e.texels}, {"gathered", e.gathered}, {"all", b.map.size()}};
   std::uint64_t twoSided = 0;
   for (const Object& o : b.scene.objects) twoSided += o.receive && b.scene.materials[o.material].doubleSided ? o.triangleCount : 0;

@@ -91,6 +91,9 @@ void charts(Bake& b) {
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side);
   b.map = startMap(b.scene, *b.texels, b.run);
   warnOfLostCharts(b);
+  b.seams = findSeams(b.scene);
+  b.facts.smoothSeams = b.seams.smooth.size();
+  b.plan = makePlan(b.options.effects, b.facts);  // what seams there are is known now
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
   b.summary = fmt::format("{} x {} map, {} charts, {} texels covered", b.side, b.side, b.charts.count, covered);
 }
@@ -361,6 +364,18 @@ void finish(Bake& b) {
   while (largest / b.scale > 32768.0f) b.scale *= 2.0f;
   b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate,
                           100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
+}
+
+void seams(Bake& b) {
+  b.padding = makePadding(b.scene, b.charts, b.map.chart, b.side, b.run);
+  if (!b.plan.runs(Effect::Seams)) {
+    fillPadding(b.values, b.padding);
+    b.summary = "seams left as they are";
+    return;
+  }
+  b.closed = closeSeams(b.values, b.map, b.scene, b.charts, b.padding, b.seams, b.options.goal, b.run);
+  b.summary = fmt::format("{} chart edges, jumps from {:.2f} % to {:.2f} % RMS, {} texels moved", b.seams.smooth.size(),
+                          100.0 * b.closed.before.relativeRms, 100.0 * b.closed.after.relativeRms, b.closed.moved);
 }
 
 }  // namespace lmc
