@@ -128,7 +128,7 @@ class Shown {
     const std::uint32_t i = padding_.from[texel];
     const double value = at(texel, c), error = double(values_.error[i][c]);
     const double bound = (covered(texel) ? kSlopeShare : kPaddingSlopeShare) * slope(i, c) + kGoalShare * goal * value;
-    return {error + bound, std::min(kSeamErrors * error + bound, kMostMove * value)};
+    return {error + bound, std::min(kSeamErrors * error + kSeamBounds * bound, kMostMove * value)};
   }
   void set(std::uint32_t texel, int c, double value) {
     const double factor = value / at(texel, c);
@@ -337,7 +337,7 @@ SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& 
   std::vector<float> before, after;
   out.before = jumpOf(shown, places, least, before);
   const Unknowns u = unknownsOf(shown, places);
-  out.texels = u.texel.size();
+  for (const std::uint32_t t : u.texel) ++(shown.covered(t) ? out.texels : out.padding);
   // A component's channel is one system, solved by one thread: the same bits for any number of them.
   std::vector<Closed> closed(3 * u.of.size());
   parallelFor(run, closed.size(), 1,
@@ -351,6 +351,7 @@ SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& 
       const double was = shown.at(u.texel[i], c), limit = s.limit[u.local[i]], now = s.value[u.local[i]], move = std::abs(now - was);
       if (!(limit > 0.0) || now == was) continue;
       shown.set(u.texel[i], c, now);
+      if (!shown.covered(u.texel[i])) continue;
       moved |= move > kMoved * was;
       limited |= move >= limit * (1.0 - 1e-9);
       out.largestMove_lx = std::max(out.largestMove_lx, move);

@@ -38,20 +38,22 @@ struct SeamJump {
 struct SeamResult {
   SeamJump before, after;
   std::vector<SeamSample> samples;
-  std::uint64_t texels = 0;                        ///< that lookups at seams read and that may move
+  std::uint64_t texels = 0;                        ///< covered ones that lookups at seams read and that may move
+  std::uint64_t padding = 0;                       ///< the same of padding, which is moved as well and in no count below
   std::uint64_t moved = 0;                         ///< by more than a thousandth
   std::uint64_t limited = 0;                       ///< that went to their limit
   double largestMove_lx = 0.0, largestMove = 0.0;  ///< of a channel; the second against its value
 };
 
 /// Fills the padding of all values, and closes the smooth seams. Minimises, for each channel,
-///   sum over texels ((x - E)/s)^2 + sum over places l (kSeamPull (left - right)/s_place)^2,  |x - E| <= min(kSeamErrors e + b, E/2)
+///   sum over texels ((x - E)/s)^2 + sum over places l (kSeamPull (left - right)/s_place)^2,  |x - E| <= min(kSeamErrors e + kSeamBounds b,
+///   E/2)
 /// with e the standard error of a texel, b = half its largest difference from a neighbour of its chart + goal/4 E (a place half a texel off
 /// in the same square may be off by that), s = e + b, s_place the sum of weight s over both footprints, l the texels that a place stands
 /// for. Unknowns are all texels in the footprints, padding too, which stays by its own texel's value with 3 b for b, being up to a texel
 /// and a half from it. Of other charts' texels none is moved. Direct and indirect light keep their ratio.
 SeamResult closeSeams(LightMapValues&, const LightMap&, const Scene&, const Charts&, const Padding&, const Seams&, double goal, const Run&);
-inline constexpr double kSeamErrors = 3.0, kSeamPull = 10.0;
+inline constexpr double kSeamErrors = 3.0, kSeamBounds = 2.0, kSeamPull = 40.0;
 
 /// Every texel outside the charts gets the values of the one that it repeats.
 void fillPadding(LightMapValues&, const Padding&);

@@ -18,7 +18,7 @@ struct Claim {
 
 /// The nearest so far, the lower number where two tie.
 struct Nearest {
-  int distance2 = kPadding * kPadding + 1;  // [texels^2]
+  int distance2 = kPadding * kPadding;  // [texels^2]
   std::uint32_t texel = kNone;
   void offer(int d2, std::size_t index) {
     if (d2 > distance2 || (d2 == distance2 && index >= texel)) return;

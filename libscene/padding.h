@@ -22,8 +22,8 @@ struct Padding {
 
 /// `chart`: of each texel of the maps, which lie one below the other, `side` texels each; kNone = not covered. A texel whose centre is less
 /// than 1 texel, along both axes, from some place of a chart repeats the nearest covered texel of that chart, for a bilinear lookup there
-/// reads it; others within kPadding repeat the nearest covered texel of any chart; the lower number where two tie. Nothing goes over the
-/// border of a map. Time: linear in texels and triangles.
+/// reads it; others (and those of charts that have no texel near) within kPadding repeat the nearest covered texel of any chart; the lower
+/// number where two tie. Nothing goes over the border of a map. Time: linear in texels and triangles.
 Padding makePadding(const Scene&, const Charts&, std::span<const std::uint32_t> chart, int side, const Run&);
 
 }  // namespace lmc

@@ -35,9 +35,11 @@ Json seamsOf(const Bake& b) {
     return Json{{"rms_lx", j.rms}, {"largest_lx", j.largest}, {"rms", j.relativeRms}, {"largest", j.relativeLargest}};
   };
   const SeamResult& c = b.closed;
-  return {{"pairs", b.seams.smooth.size()}, {"creases", b.seams.creases},   {"samples", c.samples.size()},
-          {"before", jump(c.before)},       {"after", jump(c.after)},       {"texels", c.texels},
-          {"texels_moved", c.moved},        {"texels_at_limit", c.limited}, {"largest_move_lx", c.largestMove_lx},
+  return {{"pairs", b.seams.smooth.size()}, {"creases", b.seams.creases},
+          {"samples", c.samples.size()},    {"before", jump(c.before)},
+          {"after", jump(c.after)},         {"texels", c.texels},
+          {"padding", c.padding},           {"texels_moved", c.moved},
+          {"texels_at_limit", c.limited},   {"largest_move_lx", c.largestMove_lx},
           {"largest_move", c.largestMove}};
 }
 }  // namespace

@@ -368,6 +368,14 @@ void finish(Bake& b) {
 
 void seams(Bake& b) {
   b.padding = makePadding(b.scene, b.charts, b.map.chart, b.side, b.run);
+  if (const auto& tight = b.padding.contested; !tight.empty())
+    b.run.note(
+        {{},
+         b.scene.file.string(),
+         "",
+         fmt::format("{} texels are read from two light-map charts at once, the first at ({}, {}): charts lie too near for maps of {} x {}",
+                     tight.size(), tight[0] % std::uint32_t(b.side), tight[0] / std::uint32_t(b.side), b.side, b.side),
+         "LMC_UV_TIGHT"});
   if (!b.plan.runs(Effect::Seams)) {
     fillPadding(b.values, b.padding);
     b.summary = "seams left as they are";
