@@ -12,8 +12,7 @@ namespace lmc {
 
 namespace {
 
-constexpr int kRounds = 6;         // of solving and putting to limits; the last puts what is left beyond them there
-constexpr int kMaxIterations = 8;  // one solves a linear system; the others mend rounding
+constexpr int kRounds = 6;  // of solving and putting to limits; the last puts what is left beyond them there
 
 /// (x - value)/sigma
 class Stay : public ceres::SizedCostFunction<1, 1> {
@@ -67,7 +66,7 @@ std::vector<double> solveSeams(const SeamSystem& system) {
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;  // no BLAS, whose sums depend on its threads
   options.num_threads = 1;
-  options.max_num_iterations = kMaxIterations;
+  options.max_num_iterations = 1;              // solves a linear system
   options.initial_trust_region_radius = 1e16;  // no damping: the problem is linear
   options.max_solver_time_in_seconds = 1e9;    // a clock must not change a result
   options.function_tolerance = 1e-12;
