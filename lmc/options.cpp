@@ -92,7 +92,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "draft (8 %), level (2 %, the default), final (1 %)")
       ->check(CLI::IsMember({"draft", "level", "final"}))
       ->type_name("NAME");
-  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce), or changes to auto (+sky,-bounce)")
+  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce,seams), or changes to auto (+sky,-bounce)")
       ->type_name("LIST");
   app->add_option_function<std::string>(
          "--passes",
