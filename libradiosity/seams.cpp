@@ -343,6 +343,7 @@ SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& 
   parallelFor(run, closed.size(), 1,
               [&](std::size_t i) { closed[i] = closeComponent(shown, places, u, std::uint32_t(i / 3), int(i % 3), goal); });
   std::vector<bool> own(map.size(), false);
+  double moves2 = 0.0;
   for (std::uint32_t i = 0; i < u.texel.size(); ++i) {
     bool moved = false, limited = false;
     own[u.texel[i]] = true;
@@ -352,6 +353,7 @@ SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& 
       if (!(limit > 0.0) || now == was) continue;
       shown.set(u.texel[i], c, now);
       if (!shown.covered(u.texel[i])) continue;
+      moves2 += move * move;
       moved |= move > kMoved * was;
       limited |= move >= limit * (1.0 - 1e-9);
       out.largestMove_lx = std::max(out.largestMove_lx, move);
@@ -360,6 +362,7 @@ SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& 
     out.moved += moved;
     out.limited += limited;
   }
+  if (sum > 0.0) out.rmsMove = std::sqrt(moves2 / (3.0 * covered)) / (sum / covered);
   // What repeats a texel that moved follows it, but for padding that has a value of its own now.
   for (std::uint32_t i = 0; i < map.size(); ++i) {
     const std::uint32_t from = padding.from[i];

@@ -43,6 +43,7 @@ struct SeamResult {
   std::uint64_t moved = 0;                         ///< by more than a thousandth
   std::uint64_t limited = 0;                       ///< that went to their limit
   double largestMove_lx = 0.0, largestMove = 0.0;  ///< of a channel; the second against its value
+  double rmsMove = 0.0;                            ///< over all covered texels and channels of the level, against their mean
 };
 
 /// Fills the padding of all values, and closes the smooth seams. Minimises, for each channel,

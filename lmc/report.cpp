@@ -40,7 +40,7 @@ Json seamsOf(const Bake& b) {
           {"after", jump(c.after)},         {"texels", c.texels},
           {"padding", c.padding},           {"texels_moved", c.moved},
           {"texels_at_limit", c.limited},   {"largest_move_lx", c.largestMove_lx},
-          {"largest_move", c.largestMove}};
+          {"largest_move", c.largestMove},  {"rms_move", c.rmsMove}};
 }
 }  // namespace
 

@@ -247,7 +247,7 @@ TEST(Seams, NoTexelMovesBeyondItsLimitAndLayersKeepTheirRatio) {
   LightMapValues closed = o.baked.values;
   const SeamResult result = o.close(closed);
   const auto total = [](const LightMapValues& v, std::size_t i) { return glm::dvec3(v.direct[i]) + glm::dvec3(v.indirect[i]); };
-  double largest = 0.0;
+  double largest = 0.0, squares = 0.0, n = 0.0, sum = 0.0;
   for (std::size_t i = 0; i < o.baked.map.size(); ++i) {
     if (!o.covered(i)) continue;
     const glm::dvec3 E = total(o.open, i), move = glm::abs(total(closed, i) - E);
@@ -255,6 +255,9 @@ TEST(Seams, NoTexelMovesBeyondItsLimitAndLayersKeepTheirRatio) {
     for (const std::size_t k : {i - 1, i + 1, i - kSide, i + kSide})
       if (k < o.baked.map.size() && o.baked.map.chart[k] == o.baked.map.chart[i]) slope = glm::max(slope, glm::abs(total(o.open, k) - E));
     const glm::dvec3 limit = glm::min(kSeamErrors * glm::dvec3(o.open.error[i]) + kSeamBounds * (0.5 * slope + 0.25 * kGoal * E), 0.5 * E);
+    squares += glm::dot(move, move);
+    sum += E.x + E.y + E.z;
+    n += 3.0;
     for (int c = 0; c < 3; ++c) {
       EXPECT_LE(move[c], limit[c] * (1.0 + 1e-5) + 1e-12) << "texel " << i;
       largest = std::max(largest, move[c] / std::max(1e-30, E[c]));
@@ -265,6 +268,7 @@ TEST(Seams, NoTexelMovesBeyondItsLimitAndLayersKeepTheirRatio) {
     }
   }
   EXPECT_NEAR(largest, result.largestMove, 1e-6);
+  EXPECT_NEAR(std::sqrt(squares / n) / (sum / n), result.rmsMove, 1e-6);
   EXPECT_LE(result.limited, result.texels / 20) << "limits are wide enough for most";
 }
 
