@@ -123,7 +123,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "draft (8 %), level (2 %, the default), final (1 %)")
       ->check(CLI::IsMember({"draft", "level", "final"}))
       ->type_name("NAME");
-  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce), or changes to auto (+sky,-bounce)")
+  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce,seams), or changes to auto (+sky,-bounce)")
       ->type_name("LIST");
   app->add_option_function<std::string>(
          "--passes",
@@ -208,10 +208,15 @@ Command parseCommandLine(int argc, const char* const* argv) {
   bakeApp->add_flag("--snapshot", bake.snapshot,
                     "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
   bakeApp
-      ->add_option_function<std::string>(
-          "--dump", [&bake](const std::string&) { bake.dumpPatches = true; },
-          "also write what was made on the way: patches (patches.obj, patches.png: patches in the map's layout, the finer the brighter)")
-      ->check(CLI::IsMember({"patches"}))
+      ->add_option_function<std::vector<std::string>>(
+          "--dump",
+          [&bake](const std::vector<std::string>& what) {
+            for (const std::string& w : what) (w == "seams" ? bake.dumpSeams : bake.dumpPatches) = true;
+          },
+          "also write what was made on the way, a list: patches (patches.obj, patches.png: patches in the map's layout, the finer the "
+          "brighter), seams (seams.png: differences across smooth seams before and after they were closed)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"patches", "seams"}))
       ->type_name("WHAT");
   bakeApp
       ->add_option_function<std::string>(

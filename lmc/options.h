@@ -24,6 +24,7 @@ struct BakeOptions {
   double bounceTail = 0.0;       ///< end the passes when what is unsent can add no more than this share; 0 = from the goal
   bool snapshot = false;         ///< a map after each pass
   bool dumpPatches = false;      ///< patches.obj and patches.png
+  bool dumpSeams = false;        ///< seams.png
   Solver solver = Solver::Auto;
   double patchSize_m = 0.0;  ///< 0 = from the goal and the level
   std::uint32_t maxPatches = 200000;

@@ -20,6 +20,7 @@ DOORS = {  # outside header -> files that may include it
     r'tbb/': {'libscene/parallel.h'},
     r'CLI/': {'lmc/options.cpp'},
     r'xxhash\.h': {'libscene/files.cpp'},
+    r'ceres/': {'libradiosity/seam_solve.cpp'},
     r'Eigen/': {'libradiosity/solve.cpp'},
     r'tiny_gltf\.h': {'libscene/gltf_read.h', 'libscene/gltf_read.cpp'},
 }
