@@ -53,7 +53,7 @@ glm::dvec2 placed(const Placement& p, glm::dvec2 at, int width, int height) {
   return at + glm::dvec2(p.x, p.y);
 }
 
-Packer::Packer(int width, int padding) : width_(width), padding_(padding), words_(std::size_t(width + 63) / 64) {
+Packer::Packer(int width) : width_(width), words_(std::size_t(width + 63) / 64) {
   levels_.resize(std::size_t(std::bit_width(unsigned(width))));
 }
 
@@ -113,13 +113,13 @@ int Packer::find(const std::vector<Run>& runs, int width, int y) const {
   return -1;
 }
 
-void Packer::take(const TexelMask& m, int x, int y) {
-  const int from = std::max(0, y - padding_), to = y + m.height() + padding_;
+void Packer::take(const TexelMask& m, int x, int y, int padding) {
+  const int from = std::max(0, y - padding), to = y + m.height() + padding;
   growTo(to);
   height_ = std::max(height_, y + m.height());
   for (const Run& r : runs(m)) {
-    const int x0 = std::max(0, x + r.x - padding_), x1 = std::min(width_, x + r.x + r.length + padding_);
-    for (int v = std::max(from, y + r.y - padding_); v <= y + r.y + padding_; ++v)
+    const int x0 = std::max(0, x + r.x - padding), x1 = std::min(width_, x + r.x + r.length + padding);
+    for (int v = std::max(from, y + r.y - padding); v <= y + r.y + padding; ++v)
       for (int u = x0; u < x1;) {
         const int end = std::min(x1, (u / 64 + 1) * 64), n = end - u;
         row(0, v)[u / 64] |= (n == 64 ? ~std::uint64_t(0) : ((std::uint64_t(1) << n) - 1) << (u % 64));
@@ -141,9 +141,9 @@ void Packer::take(const TexelMask& m, int x, int y) {
     }
 }
 
-void Packer::block(const TexelMask& m, int at) { take(m, at, at); }
+void Packer::block(const TexelMask& m, int at, int padding) { take(m, at, at, padding); }
 
-Placement Packer::add(const TexelMask& mask, int maxHeight) {
+Placement Packer::add(const TexelMask& mask, int maxHeight, int padding) {
   Placement best{-1, 0, 0};
   int bestEnd = maxHeight + 1;
   TexelMask turned = mask;
@@ -164,7 +164,7 @@ Placement Packer::add(const TexelMask& mask, int maxHeight) {
       break;
     }
   }
-  if (chosen) take(*chosen, best.x, best.y);
+  if (chosen) take(*chosen, best.x, best.y, padding);
   return best;
 }
 

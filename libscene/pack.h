@@ -47,12 +47,12 @@ glm::dvec2 placed(const Placement&, glm::dvec2 at, int width, int height);
 /// A strip of texels, as wide as said and as high as needed.
 class Packer {
  public:
-  /// `padding`: texels that stay free between any two shapes, in every direction.
-  Packer(int width, int padding);
+  explicit Packer(int width);
   /// Takes what is set, as if it were a shape of its own with its first texel at (at, at).
-  void block(const TexelMask&, int at);
-  /// The lowest free place, of four quarter turns, that ends above `maxHeight`; x = -1 where there is none. Takes it.
-  Placement add(const TexelMask&, int maxHeight);
+  void block(const TexelMask&, int at, int padding);
+  /// The lowest free place, of four quarter turns, that ends above `maxHeight`; x = -1 where there is none. Takes it, and keeps
+  /// so many texels about it free of shapes that come later.
+  Placement add(const TexelMask&, int maxHeight, int padding);
   int height() const { return height_; }  ///< rows that shapes take
 
  private:
@@ -61,12 +61,12 @@ class Packer {
   };
   static std::vector<Run> runs(const TexelMask&);
   int find(const std::vector<Run>&, int width, int y) const;
-  void take(const TexelMask&, int x, int y);
+  void take(const TexelMask&, int x, int y, int padding);
   void growTo(int height);
   std::uint64_t* row(int level, int y) { return levels_[std::size_t(level)].data() + std::size_t(y) * words_; }
   const std::uint64_t* row(int level, int y) const { return levels_[std::size_t(level)].data() + std::size_t(y) * words_; }
 
-  int width_, padding_, height_ = 0, rows_ = 0;
+  int width_, height_ = 0, rows_ = 0;
   std::size_t words_;
   // levels_[k]: bit x of a row = a texel of [x, x + 2^k) is taken, padding included.
   std::vector<std::vector<std::uint64_t>> levels_;

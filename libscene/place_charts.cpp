@@ -20,16 +20,34 @@ constexpr double kMostRounding = 0.1;      // of a chart's side, to end on a tex
 constexpr double kFull = 0.8;              // share of a map that charts and their padding fill, about
 constexpr int kStep = 4;                   // of a side that is chosen: blocks of compressed textures
 constexpr int kTries = 8;                  // of a size
-constexpr double kCloseEnough = 1.008;   // between a size that fits and one that does not
+constexpr double kCloseEnough = 1.004;     // between a size that fits and one that does not
 constexpr double kSprawling = 0.35;        // share of its box below which a chart is cut
 constexpr double kCutHelps = 0.75;         // of the box, that the parts' boxes may take
 constexpr int kOrders = 2;                 // of charts, that are tried
 constexpr std::size_t kManyCharts = 4000;  // of which one order is enough
+constexpr double kRectangle = 0.98;        // share of its box from which a chart counts as one
+constexpr double kLeastRectangle = 4.0;    // side [texels]: smaller ones would lose too much of themselves
 constexpr double kSmaller = 0.9;           // of a group that fits no map
+
+glm::dvec2 boxOf(const FlatChart& c) {
+  glm::dvec2 hi(0.0);
+  for (const glm::dvec2& p : c.uv_m) hi = glm::max(hi, p);
+  return hi;
+}
+
+double areaOf(const FlatChart& c) {
+  double sum = 0.0;
+  for (const glm::uvec3& t : c.corners) {
+    const glm::dvec2 a = c.uv_m[t.x], b = c.uv_m[t.y] - a, d = c.uv_m[t.z] - a;
+    sum += 0.5 * (b.x * d.y - b.y * d.x);
+  }
+  return sum;
+}
 
 /// A use at the size at which it is drawn.
 struct Drawn {
   glm::dvec2 factor, low;
+  bool rectangular = false;
   TexelMask mask{1, 1};
 };
 
@@ -42,14 +60,16 @@ glm::dvec2 drawn(const ChartUse& u, std::uint32_t vertex, glm::dvec2 factor) {
 /// Sides are rounded to whole texels where that changes little, so that both borders of a rectangle lie on the grid.
 Drawn draw(const ChartUse& u, double scale) {
   Drawn d;
-  glm::dvec2 hi(0.0);
-  for (const glm::dvec2& p : u.chart->uv_m) hi = glm::max(hi, p);
+  const glm::dvec2 hi = boxOf(*u.chart);
   d.factor = glm::dvec2(scale * u.texels);
   for (int k = 0; k < 2; ++k) {
     const double size = d.factor[k] * hi[k], whole = std::max(1.0, std::round(size));
     if (size > 0.0 && std::abs(whole / size - 1.0) <= kMostRounding) d.factor[k] *= whole / size;
   }
   d.low = glm::dvec2(u.mirrored ? -d.factor.x * hi.x : 0.0, 0.0);
+  // Borders of a rectangle on texels' centres: look-ups near them need no padding, and half of the texel that they read is the chart's own.
+  d.rectangular = areaOf(*u.chart) >= kRectangle * hi.x * hi.y && std::min(d.factor.x * hi.x, d.factor.y * hi.y) >= kLeastRectangle;
+  if (d.rectangular) d.low -= 0.5;
   std::vector<std::array<glm::dvec2, 3>> triangles;
   triangles.reserve(u.chart->corners.size());
   for (const glm::uvec3& t : u.chart->corners)
@@ -65,11 +85,7 @@ class Placer {
     out_.map.assign(uses.size(), 0);
     for (std::uint32_t i = 0; i < uses.size(); ++i) groups_ = std::max(groups_, uses[i].group + 1);
     shrunk_.assign(groups_, 1.0);
-    for (const ChartUse& u : uses)
-      for (const glm::uvec3& t : u.chart->corners) {
-        const glm::dvec2 a = u.chart->uv_m[t.x], b = u.chart->uv_m[t.y] - a, c = u.chart->uv_m[t.z] - a;
-        area_ += 0.5 * (b.x * c.y - b.y * c.x) * u.texels * u.texels;
-      }
+    for (const ChartUse& u : uses) area_ += areaOf(*u.chart) * u.texels * u.texels;
   }
   std::optional<ChartPlaces> place();
 
@@ -77,6 +93,7 @@ class Placer {
   void drawAll(double factor);
   void drawOne(std::uint32_t i) { drawn_[i] = draw(uses_[i], out_.factor * shrunk_[uses_[i].group]); }
   double room(std::uint32_t i) const;
+  int paddingOf(std::uint32_t i) const { return std::max(0, o_.padding - (drawn_[i].rectangular ? 1 : 0)); }
   int pack(const std::vector<std::uint32_t>& items, int side, int maxHeight, const TexelMask* taken);
   int packInOrder(const std::vector<std::uint32_t>& items, int order, int side, int maxHeight, const TexelMask* taken);
   bool smallestSide();
@@ -105,7 +122,7 @@ void Placer::drawAll(double factor) {
 /// Texels of a chart and of its share of the padding about it.
 double Placer::room(std::uint32_t i) const {
   const TexelMask& m = drawn_[i].mask;
-  return double(m.count()) + double(o_.padding) * (m.width() + m.height() + o_.padding);
+  return double(m.count()) + double(paddingOf(i)) * (m.width() + m.height() + paddingOf(i));
 }
 
 /// Places all of the items, in the order that takes the least height; that height, or -1 when it is more than `maxHeight`.
@@ -134,11 +151,11 @@ int Placer::packInOrder(const std::vector<std::uint32_t>& items, int byArea, int
     };
     return key(a) > key(b);
   });
-  Packer packer(side - 2 * margin_, o_.padding);
-  if (taken) packer.block(*taken, -margin_);
+  Packer packer(side - 2 * margin_);
+  if (taken) packer.block(*taken, -margin_, o_.padding);
   for (std::size_t n = 0; n < order.size(); ++n) {
     if (n % 64 == 0) run_.progress(0.5);
-    Placement p = packer.add(drawn_[order[n]].mask, maxHeight - 2 * margin_);
+    Placement p = packer.add(drawn_[order[n]].mask, maxHeight - 2 * margin_, paddingOf(order[n]));
     if (p.x < 0) return -1;
     p.x += margin_;
     p.y += margin_;
@@ -391,21 +408,6 @@ void alignChart(FlatChart& c) {
 }
 
 namespace {
-
-glm::dvec2 boxOf(const FlatChart& c) {
-  glm::dvec2 hi(0.0);
-  for (const glm::dvec2& p : c.uv_m) hi = glm::max(hi, p);
-  return hi;
-}
-
-double areaOf(const FlatChart& c) {
-  double sum = 0.0;
-  for (const glm::uvec3& t : c.corners) {
-    const glm::dvec2 a = c.uv_m[t.x], b = c.uv_m[t.y] - a, d = c.uv_m[t.z] - a;
-    sum += 0.5 * (b.x * d.y - b.y * d.x);
-  }
-  return sum;
-}
 
 /// Parts of a chart: faces of one side, those that hang together by edges.
 template <class Side>

@@ -21,7 +21,7 @@ constexpr int kMostSide = 4096;         // of a map whose size nobody named: the
 constexpr double kKnownStretch = 1.5;   // L2 up to which charts of the level are placed anew as they are
 constexpr double kFaultyStretch = 3.0;  // L2 of an object from which its UVs are a fault
 constexpr double kFaultyDensity = 4.0;  // times what the level names for the object, or a part of it
-constexpr double kTight = 0.01;         // share of an object's texels that look-ups of another chart may reach
+constexpr double kTight = 0.01;         // share of an object's texels that another chart's look-ups may read
 constexpr double kFull = 0.7;           // share of a map that charts fill, about
 constexpr double kLongest = 0.75;       // of a map's side: longer charts are cut
 constexpr double kSmallBox = 0.005;     // of a map: smaller charts may leave their boxes empty
@@ -111,45 +111,38 @@ std::array<glm::dvec2, 3> texelCorners(const Scene& scene, std::uint32_t t, int 
 
 bool receives(const Object& o) { return o.receive && o.triangleCount > 0; }
 
-/// Objects whose texels another chart's bilinear look-ups reach.
+/// Objects with texels that bilinear look-ups of two charts read.
 std::vector<std::uint32_t> tightObjects(const Scene& scene, const std::vector<bool>& faulty, int side, int maps) {
-  const std::size_t size = std::size_t(side) * std::size_t(side) * std::size_t(maps);
   if (side > 2 * kMostSide) return {};  // so many texels are not kept twice; layouts for them are not tight
-  // Charts by the triangles that share a place in the map, as findCharts() has them.
   std::vector<bool> skip(scene.objects.size());
   for (std::uint32_t i = 0; i < scene.objects.size(); ++i) skip[i] = faulty[i] || !receives(scene.objects[i]);
   const std::vector<std::uint32_t> chartOf = connectedByUv(scene, skip).chartOf;
-  std::vector<std::uint32_t> owner(size, kNone);  // a triangle that touches the texel
-  const auto forTexels = [&](std::uint32_t t, auto f) {
-    const std::size_t map = std::size_t(scene.objectOf(t).map) * std::size_t(side);
-    forTouched(texelCorners(scene, t, side), side, side, [&](int y, int first, int last) {
-      for (int x = first; x <= last; ++x) f((map + std::size_t(y)) * std::size_t(side) + std::size_t(x), x, y);
-    });
-  };
-  for (std::uint32_t t = 0; t < chartOf.size(); ++t)
-    if (chartOf[t] != kNone) forTexels(t, [&](std::size_t i, int, int) { owner[i] = t; });
-  std::vector<double> texels(scene.objects.size(), 0.0), reached(texels);
-  for (std::size_t i = 0; i < size; ++i)
-    if (owner[i] != kNone) texels[scene.triangleObject[owner[i]]] += 1.0;
-  std::vector<bool> counted(size, false);
+  std::vector<std::uint32_t> reader(std::size_t(side) * std::size_t(side) * std::size_t(maps),
+                                    kNone);  // the first triangle that reads a texel
+  std::vector<double> texels(scene.objects.size(), 0.0), shared(texels);
   for (std::uint32_t t = 0; t < chartOf.size(); ++t) {
     if (chartOf[t] == kNone) continue;
-    forTexels(t, [&](std::size_t i, int x, int y) {
-      if (counted[i]) return;
-      for (int dy = -1; dy <= 1; ++dy)
-        for (int dx = -1; dx <= 1; ++dx) {
-          if (x + dx < 0 || x + dx >= side || y + dy < 0 || y + dy >= side) continue;
-          const std::uint32_t other = owner[std::size_t(std::ptrdiff_t(i) + std::ptrdiff_t(dy) * side + dx)];
-          if (other == kNone || chartOf[other] == chartOf[t]) continue;
-          counted[i] = true;
-          reached[scene.triangleObject[t]] += 1.0;
-          return;
+    const std::size_t map = std::size_t(scene.objectOf(t).map) * std::size_t(side);
+    std::array<glm::dvec2, 3> c = texelCorners(scene, t, side);
+    for (glm::dvec2& p : c) p += 0.5;
+    // A place in cell (x, y) of the grid of texels' centres reads the four texels about it.
+    forTouched(c, side + 1, side + 1, [&](int y, int first, int last) {
+      for (int v = std::max(0, y - 1); v <= std::min(side - 1, y); ++v)
+        for (int u = std::max(0, first - 1); u <= std::min(side - 1, last); ++u) {
+          std::uint32_t& r = reader[(map + std::size_t(v)) * std::size_t(side) + std::size_t(u)];
+          if (r == kNone) {
+            r = t;
+            texels[scene.triangleObject[t]] += 1.0;
+          } else if (chartOf[r] != chartOf[t]) {
+            shared[scene.triangleObject[t]] += 1.0;
+            shared[scene.triangleObject[r]] += 1.0;
+          }
         }
     });
   }
   std::vector<std::uint32_t> tight;
   for (std::uint32_t i = 0; i < texels.size(); ++i)
-    if (reached[i] > kTight * texels[i]) tight.push_back(i);
+    if (shared[i] > kTight * texels[i]) tight.push_back(i);
   return tight;
 }
 

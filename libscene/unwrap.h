@@ -20,7 +20,7 @@ struct UvOptions {
   UvMode mode = UvMode::Repair;
   int mapSize = 0;              ///< side of a map [texels]; 0 = the level's own, else from the density
   double texelsPerMetre = 0.0;  ///< 0 = the level's own, else 16, and a map of at least 256 texels a side
-  int padding = 2;              ///< texels between charts that are placed; 2 keep bilinear look-ups apart
+  int padding = 2;              ///< texels between borders of charts that are placed; 2 keep bilinear look-ups apart
   int maxMaps = 16;
 };
 

@@ -83,6 +83,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                 {"noise", e.noise},
                 {"interpolation", e.interpolation},
                 {"patches", e.field},
+                {"seams", e.seams},
                 {"bounce_tail", e.tail},
                 {"bounce_tail_estimate", e.tailEstimate},
                 {"worst_object", e.worstObject},
