@@ -98,17 +98,18 @@ void Fan::findGroups() {
 }
 
 void Fan::measure(std::uint32_t id) {
-  const glm::vec3 n = mesh_.normals[id], p = mesh_.positions[id];
+  const glm::vec3 n = mesh_.vertices[id].normal, p = mesh_.vertices[id].position;
   parts_.resize(ring_.size());
   for (std::size_t place = 0; place < ring_.size(); ++place) {
     if (framelessAt(place)) continue;
     const std::uint32_t* ids = &mesh_.ids[3 * std::size_t(triangleOf(ring_[place]))];
     const std::uint32_t c = cornerOf(ring_[place]);
-    const glm::vec3 e1 = unitInPlane(n, mesh_.positions[ids[kPreviousCorner[c]]] - p);
-    const glm::vec3 e2 = unitInPlane(n, mesh_.positions[ids[kNextCorner[c]]] - p);
+    const glm::vec3 e1 = unitInPlane(n, mesh_.vertices[ids[kPreviousCorner[c]]].position - p);
+    const glm::vec3 e2 = unitInPlane(n, mesh_.vertices[ids[kNextCorner[c]]].position - p);
     const float cosine = glm::dot(e1, e2);
     const float clamped = cosine > 1.0f ? 1.0f : cosine < -1.0f ? -1.0f : cosine;
-    parts_[place] = {unitInPlane(n, frameAt(place).s), unitInPlane(n, frameAt(place).t), float(std::acos(double(clamped)))};
+    const Derivatives d = derivativesOf(mesh_, triangleOf(ring_[place]));
+    parts_[place] = {unitInPlane(n, d.s), unitInPlane(n, d.t), float(std::acos(double(clamped))), d.ms, d.mt};
   }
 }
 
@@ -122,10 +123,9 @@ Fan::Tangent Fan::sum(const Left& isLeftOut) const {
     const Part& part = parts_[place];
     total.s += part.angle * part.s;
     if (!quads) continue;
-    const glm::vec2 magnitude = frames_.magnitudes[triangleOf(ring_[place])];
     total.t += part.angle * part.t;
-    total.ms += part.angle * magnitude.x;
-    total.mt += part.angle * magnitude.y;
+    total.ms += part.angle * part.ms;
+    total.mt += part.angle * part.mt;
     weight += part.angle;
   }
   total.s = unit(total.s);
@@ -303,7 +303,7 @@ void Fan::write(std::uint32_t id, Remarks& remarks) {
     const glm::vec3 tangent = first == last || equal ? a.s : unit(a.s + b.s);
     output_.write(slot, tangent, output_.determinantOf(frameAt(last).flags));
     Mend why;
-    if (!output_.exact() && !serves(tangent, mesh_.normals[id], why)) remarks.bad.push_back({slot, id, triangleOf(c), why});
+    if (!output_.exact() && !serves(tangent, mesh_.vertices[id].normal, why)) remarks.bad.push_back({slot, id, triangleOf(c), why});
   }
 }
 

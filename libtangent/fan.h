@@ -23,6 +23,7 @@ class Fan {
   struct Part {
     glm::vec3 s, t;  ///< unit, in the plane of the normal
     float angle;     ///< of the corner there
+    float ms, mt;    ///< Derivatives::ms, mt
   };
   const Frame& frameAt(std::size_t place) const { return frames_.of[triangleOf(ring_[place])]; }
   std::uint32_t faceAt(std::size_t place) const { return mesh_.faceOf(triangleOf(ring_[place])); }

@@ -34,15 +34,12 @@ glm::dvec3 within(glm::dvec3 n, glm::dvec3 v) {
 bool isZero(glm::dvec3 v) { return v == glm::dvec3(0.0); }
 
 /// In this order: what is there, turned into the plane; the triangle's own S; what is orthogonal to its own T; any tangent of the normal.
-glm::vec3 mendedTangent(glm::dvec3 normal, glm::dvec3 old, const Frame* frame) {
+glm::vec3 mendedTangent(glm::dvec3 normal, glm::dvec3 old, const Derivatives* own, double sign) {
   const glm::dvec3 n = directionOf(normal);  // zero: every direction is as good as another
   glm::dvec3 t = within(n, old);
-  if (isZero(t) && frame) t = within(n, glm::dvec3(frame->s));
-  if (isZero(t) && frame && !isZero(n)) {
-    // V grows along sign * cross(n, t), so t = sign * cross(V, n).
-    const double sign = frame->flags & kPreserving ? 1.0 : -1.0;
-    t = directionOf(sign * glm::cross(within(n, glm::dvec3(frame->t)), n));
-  }
+  if (isZero(t) && own) t = within(n, glm::dvec3(own->s));
+  // V grows along sign * cross(n, t), so t = sign * cross(V, n).
+  if (isZero(t) && own && !isZero(n)) t = directionOf(sign * glm::cross(within(n, glm::dvec3(own->t)), n));
   if (isZero(t)) t = isZero(n) ? glm::dvec3(1.0, 0.0, 0.0) : anyTangent(n);
   return glm::vec3(t);
 }
@@ -95,8 +92,11 @@ std::vector<MendedCorner> mendAll(const Surface& surface, const Mesh& mesh, cons
       const Bad& b = bad[i];
       const bool hasFrame = b.triangle != kNoTriangle && !(frames.of[b.triangle].flags & (kFrameless | kDegenerate));
       const glm::dvec3 old(b.why == Mend::NoFrame ? glm::vec3(0.0f) : output.tangent(b.corner));
-      output.write(b.corner, mendedTangent(glm::dvec3(mesh.normals[b.id]), old, hasFrame ? &frames.of[b.triangle] : nullptr),
-                   determinant[i]);
+      Derivatives own;
+      if (hasFrame) own = derivativesOf(mesh, b.triangle);
+      const glm::dvec3 normal(mesh.vertices[b.id].normal);
+      const double sign = output.determinantOf(kPreserving) * determinant[i];
+      output.write(b.corner, mendedTangent(normal, old, hasFrame ? &own : nullptr, sign), determinant[i]);
       mended[i] = {b.corner, b.why};
     }
   });

@@ -5,116 +5,137 @@
 #include <bit>
 #include <cmath>
 
+#include "libtangent/four.h"
+
 namespace lmc::tangent {
 
 namespace {
 
 constexpr std::size_t kGrain = 16384;  // vertices or corners a piece
-constexpr std::uint32_t kEmpty = ~0u;  // no vertex: problemWith() keeps their number below it
 constexpr std::size_t kAhead = 64;     // vertices hashed before the first of them is looked up, so that the table is in the cache
 
-/// The numbers by which vertices weld, -0 turned into +0.
+Vertex vertexOf(const Surface& s, std::size_t v) { return {s.positions[v], s.uvs[v].x, s.normals[v], s.uvs[v].y}; }
+
+/// A vertex as two vectors of numbers.
 struct Key {
-  std::uint32_t part[8];
+  explicit Key(const Vertex& v) : low(loadFour(&v.position.x)), high(loadFour(&v.normal.x)) {}
+  Four low, high;
 };
-Key keyOf(const Surface& s, std::size_t v) {
-  const glm::vec3 p = s.positions[v] + 0.0f, n = s.normals[v] + 0.0f;  // -0 + 0 is +0
-  const glm::vec2 t = s.uvs[v] + 0.0f;
-  return {{std::bit_cast<std::uint32_t>(p.x), std::bit_cast<std::uint32_t>(p.y), std::bit_cast<std::uint32_t>(p.z),
-           std::bit_cast<std::uint32_t>(n.x), std::bit_cast<std::uint32_t>(n.y), std::bit_cast<std::uint32_t>(n.z),
-           std::bit_cast<std::uint32_t>(t.x), std::bit_cast<std::uint32_t>(t.y)}};
-}
+bool operator==(const Key& a, const Key& b) { return bitsOf((a.low == b.low) & (a.high == b.high)) == 15; }
+bool isNan(const Key& k) { return bitsOf((k.low == k.low) & (k.high == k.high)) != 15; }
+
 std::uint32_t hashOf(const Key& k) {
-  const auto two = [&](int i) { return std::uint64_t(k.part[i]) << 32 | k.part[i + 1]; };
-  std::uint64_t a = two(0) * 0x9e3779b97f4a7c15u, b = two(2) * 0xc2b2ae3d27d4eb4fu;
-  const std::uint64_t c = two(4) * 0x165667b19e3779f9u, d = two(6) * 0x27d4eb2f165667c5u;
+  const Four low = k.low + 0.0f, high = k.high + 0.0f;  // -0 + 0 is +0
+  std::uint64_t word[4];
+  std::memcpy(word, &low, sizeof low);
+  std::memcpy(word + 2, &high, sizeof high);
+  std::uint64_t a = word[0] * 0x9e3779b97f4a7c15u, b = word[1] * 0xc2b2ae3d27d4eb4fu;
+  const std::uint64_t c = word[2] * 0x165667b19e3779f9u, d = word[3] * 0x27d4eb2f165667c5u;
   a ^= a >> 32, b ^= b >> 29;
   std::uint64_t h = (a + (c ^ c >> 31)) * 0xff51afd7ed558ccdu ^ (b + (d ^ d >> 33)) * 0xc4ceb9fe1a85ec53u;
   h ^= h >> 32;
   return std::uint32_t((h * 0x9e3779b97f4a7c15u) >> 32);
 }
-bool equal(const Surface& s, std::size_t a, std::size_t b) {
-  return s.positions[a] == s.positions[b] && s.normals[a] == s.normals[b] && s.uvs[a] == s.uvs[b];
-}
-bool hasNan(const Surface& s, std::size_t v) {
-  const glm::vec3 p = s.positions[v], n = s.normals[v];
-  const glm::vec2 t = s.uvs[v];
-  return std::isnan(p.x) || std::isnan(p.y) || std::isnan(p.z) || std::isnan(n.x) || std::isnan(n.y) || std::isnan(n.z) ||
-         std::isnan(t.x) || std::isnan(t.y);
-}
 
-/// An open-addressed set of vertices. Equal ones end up in one slot, which holds the smallest of them in the end whatever the order in
-/// which they came: threads may put in side by side.
+/// An open-addressed set of vertices, each with its hash in the upper half of its slot. Equal ones end up in one slot, which holds the
+/// smallest of them in the end whatever the order in which they came: threads may put in side by side.
 class VertexSet {
  public:
-  VertexSet(const Surface& s, const Loop& loop) : surface_(s), bits_(std::max(4, int(std::bit_width(2 * s.positions.size())))) {
+  VertexSet(const Array<Vertex>& vertices, const Loop& loop)
+      : vertices_(vertices), bits_(std::max(4, int(std::bit_width(2 * vertices.size())))) {
     table_.resize(std::size_t(1) << bits_);
     pieces(loop, table_.size(), kGrain * 4, [&](std::size_t a, std::size_t b) { std::fill(&table_[a], &table_[a] + (b - a), kEmpty); });
   }
 
-  /// Puts vertices [first, last) in, and notes the slot of each. Gives back how many found an equal one there.
+  /// What a stretch of vertices brought.
+  struct Found {
+    std::size_t equals = 0;  ///< how many found an equal one there
+    bool nan = false;        ///< whether one had a NaN; such are in no slot, and keep themselves as their slot's number
+  };
+
+  /// Puts vertices [first, last) in, and notes the slot of each.
   template <bool kShared>
-  std::size_t put(std::size_t first, std::size_t last, std::uint32_t* slotOf) {
-    std::size_t found = 0;
+  Found put(std::size_t first, std::size_t last, std::uint32_t* slotOf) {
+    Found found;
     std::uint32_t hash[kAhead];
     for (std::size_t at = first; at < last; at += kAhead) {
       const std::size_t n = std::min(kAhead, last - at);
       for (std::size_t i = 0; i < n; ++i) {
-        hash[i] = hashOf(keyOf(surface_, at + i)) >> (32 - bits_);
-        __builtin_prefetch(&table_[hash[i]], 1);
+        hash[i] = hashOf(Key(vertices_[at + i]));
+        __builtin_prefetch(&table_[hash[i] >> (32 - bits_)], 1);
       }
-      for (std::size_t i = 0; i < n; ++i) slotOf[at + i] = putOne<kShared>(std::uint32_t(at + i), hash[i], found);
+      for (std::size_t i = 0; i < n; ++i) {
+        if (isNan(Key(vertices_[at + i]))) [[unlikely]]
+          found.nan = true;
+        else
+          slotOf[at + i] = putOne<kShared>(std::uint32_t(at + i), hash[i], found.equals);
+      }
     }
     return found;
   }
-  std::uint32_t at(std::uint32_t slot) const { return table_[slot]; }
+  std::uint32_t at(std::uint32_t slot) const { return std::uint32_t(table_[slot]); }
 
  private:
+  static constexpr std::uint64_t kEmpty = ~std::uint64_t(0);  // no vertex: problemWith() keeps their number below it
+
   template <bool kShared>
-  std::uint32_t putOne(std::uint32_t vertex, std::uint32_t slot, std::size_t& found) {
+  std::uint32_t putOne(std::uint32_t vertex, std::uint32_t hash, std::size_t& equals) {
     const std::uint32_t mask = std::uint32_t(table_.size() - 1);
-    for (;; slot = (slot + 1) & mask) {
+    const std::uint64_t mine = std::uint64_t(hash) << 32 | vertex;
+    for (std::uint32_t slot = hash >> (32 - bits_);; slot = (slot + 1) & mask) {
+      std::uint64_t there = table_[slot];
       if constexpr (kShared) {
-        std::atomic_ref<std::uint32_t> place(table_[slot]);
-        std::uint32_t there = place.load(std::memory_order_relaxed);
-        if (there == kEmpty && place.compare_exchange_strong(there, vertex, std::memory_order_relaxed)) return slot;
-        if (!equal(surface_, there, vertex)) continue;
-        while (vertex < there && !place.compare_exchange_weak(there, vertex, std::memory_order_relaxed)) {
+        std::atomic_ref<std::uint64_t> place(table_[slot]);
+        there = place.load(std::memory_order_relaxed);
+        if (there == kEmpty && place.compare_exchange_strong(there, mine, std::memory_order_relaxed)) return slot;
+        if ((there ^ mine) >> 32 || !(Key(vertices_[std::uint32_t(there)]) == Key(vertices_[vertex]))) continue;
+        while (mine < there && !place.compare_exchange_weak(there, mine, std::memory_order_relaxed)) {
         }
       } else {
-        const std::uint32_t there = table_[slot];
         if (there == kEmpty) {
-          table_[slot] = vertex;
+          table_[slot] = mine;
           return slot;
         }
-        if (!equal(surface_, there, vertex)) continue;
+        if ((there ^ mine) >> 32 || !(Key(vertices_[std::uint32_t(there)]) == Key(vertices_[vertex]))) continue;
       }
-      ++found;
+      ++equals;
       return slot;
     }
   }
 
-  const Surface& surface_;
+  const Array<Vertex>& vertices_;
   int bits_;
-  Array<std::uint32_t> table_;
+  Array<std::uint64_t> table_;
 };
 
-/// The id of each vertex: the smallest vertex equal to it. Empty when all differ.
-Array<std::uint32_t> weld(const Surface& s, const Loop& loop, std::size_t& welded) {
-  const std::size_t n = s.positions.size();
-  VertexSet set(s, loop);
-  Array<std::uint32_t> id;
-  id.resize(n);
-  std::atomic<std::size_t> found{0};
+struct Weld {
+  Array<std::uint32_t> id;  ///< of each vertex: the smallest vertex equal to it; empty when all differ
+  std::size_t welded = 0;
+  bool nan = false;  ///< some vertex has a NaN
+};
+Weld weld(const Array<Vertex>& vertices, const Loop& loop) {
+  const std::size_t n = vertices.size();
+  VertexSet set(vertices, loop);
+  Weld out;
+  out.id.resize(n);
+  std::atomic<std::size_t> equals{0};
+  std::atomic<bool> nan{false};
   const bool shared = loop.each && loop.threads > 1;
-  pieces(loop, n, kGrain,
-         [&](std::size_t a, std::size_t b) { found += shared ? set.put<true>(a, b, id.data()) : set.put<false>(a, b, id.data()); });
-  welded = found;
-  if (welded == 0) return {};
   pieces(loop, n, kGrain, [&](std::size_t a, std::size_t b) {
-    for (std::size_t v = a; v < b; ++v) id[v] = set.at(id[v]);
+    const VertexSet::Found found = shared ? set.put<true>(a, b, out.id.data()) : set.put<false>(a, b, out.id.data());
+    equals += found.equals;
+    if (found.nan) nan = true;
   });
-  return id;
+  out.welded = equals;
+  out.nan = nan;
+  if (out.welded == 0) {
+    out.id.clear();
+    return out;
+  }
+  pieces(loop, n, kGrain, [&](std::size_t a, std::size_t b) {
+    for (std::size_t v = a; v < b; ++v) out.id[v] = isNan(Key(vertices[v])) ? std::uint32_t(v) : set.at(out.id[v]);
+  });
+  return out;
 }
 
 float squaredLength(glm::vec2 v) { return v.x * v.x + v.y * v.y; }
@@ -141,50 +162,28 @@ void splitQuads(const Surface& s, Mesh& mesh) {
 }
 
 /// A vertex of its own for every corner whose vertex has a NaN.
-void partNans(Mesh& mesh, const std::vector<std::uint8_t>& isNan) {
-  mesh.ownPositions.assign(mesh.positions.begin(), mesh.positions.end());
-  mesh.ownNormals.assign(mesh.normals.begin(), mesh.normals.end());
-  mesh.ownUvs.assign(mesh.uvs.begin(), mesh.uvs.end());
+void partNans(Mesh& mesh) {
   for (std::uint32_t& id : mesh.ownIds) {
-    if (!isNan[id]) continue;
-    const std::uint32_t from = id;
-    id = std::uint32_t(mesh.ownPositions.size());
-    mesh.ownPositions.push_back(mesh.positions[from]);
-    mesh.ownNormals.push_back(mesh.normals[from]);
-    mesh.ownUvs.push_back(mesh.uvs[from]);
+    const Vertex vertex = mesh.vertices[id];
+    if (!isNan(Key(vertex))) continue;
+    id = std::uint32_t(mesh.vertices.size());
+    mesh.vertices.push_back(vertex);
   }
-  mesh.positions = mesh.ownPositions, mesh.normals = mesh.ownNormals, mesh.uvs = mesh.ownUvs;
-}
-
-std::vector<std::uint8_t> nanVertices(const Surface& s, const Loop& loop) {
-  std::vector<std::uint8_t> out;
-  std::atomic<bool> any{false};
-  pieces(loop, s.positions.size(), kGrain, [&](std::size_t a, std::size_t b) {
-    // A sum is NaN when a part is; opposite infinities only cost the closer look below.
-    float sum = 0.0f;
-    for (std::size_t v = a; v < b; ++v)
-      sum += 0.0f * (s.positions[v].x + s.positions[v].y + s.positions[v].z + s.normals[v].x + s.normals[v].y + s.normals[v].z +
-                     s.uvs[v].x + s.uvs[v].y);
-    if (sum != 0.0f) any = true;
-  });
-  if (!any) return out;
-  out.resize(s.positions.size());
-  bool found = false;
-  for (std::size_t v = 0; v < out.size(); ++v) found |= (out[v] = hasNan(s, v)) != 0;
-  if (!found) out.clear();
-  return out;
 }
 
 }  // namespace
 
 Mesh meshOf(const Surface& s, const Loop& loop) {
   Mesh mesh;
-  mesh.positions = s.positions, mesh.normals = s.normals, mesh.uvs = s.uvs;
+  mesh.vertices.resize(s.positions.size());
+  pieces(loop, mesh.vertices.size(), kGrain, [&](std::size_t a, std::size_t b) {
+    for (std::size_t v = a; v < b; ++v) mesh.vertices[v] = vertexOf(s, v);
+  });
   const bool allTriangles = std::ranges::all_of(s.faceSizes, [](std::uint8_t size) { return size == 3; });
   if (!allTriangles) splitQuads(s, mesh);
-  const Array<std::uint32_t> id = weld(s, loop, mesh.welded);
-  const std::vector<std::uint8_t> isNan = nanVertices(s, loop);
-  if (allTriangles && id.empty() && isNan.empty()) {
+  const Weld welding = weld(mesh.vertices, loop);
+  mesh.welded = welding.welded;
+  if (allTriangles && welding.id.empty() && !welding.nan) {
     mesh.ids = s.indices;
     return mesh;
   }
@@ -192,10 +191,10 @@ Mesh meshOf(const Surface& s, const Loop& loop) {
   pieces(loop, mesh.ownIds.size(), kGrain, [&](std::size_t a, std::size_t b) {
     for (std::size_t i = a; i < b; ++i) {
       const std::uint32_t vertex = s.indices[allTriangles ? i : mesh.slots[i]];
-      mesh.ownIds[i] = id.empty() ? vertex : id[vertex];
+      mesh.ownIds[i] = welding.id.empty() ? vertex : welding.id[vertex];
     }
   });
-  if (!isNan.empty()) partNans(mesh, isNan);
+  if (welding.nan) partNans(mesh);
   mesh.ids = mesh.ownIds;
   return mesh;
 }

@@ -4,11 +4,18 @@
 
 namespace lmc::tangent {
 
+/// What a corner takes from its vertex: half a cache line, in two vectors of four.
+struct alignas(32) Vertex {
+  glm::vec3 position;
+  float u;
+  glm::vec3 normal;
+  float v;
+};
+
 struct Mesh {
-  std::span<const glm::vec3> positions, normals;  ///< per id
-  std::span<const glm::vec2> uvs;                 ///< per id
-  std::span<const std::uint32_t> ids;             ///< 3 per triangle; corners weld exactly where ids are equal
-  std::size_t welded = 0;                         ///< vertices that gave up their own id
+  Array<Vertex> vertices;              ///< per id
+  std::span<const std::uint32_t> ids;  ///< 3 per triangle; corners weld exactly where ids are equal
+  std::size_t welded = 0;              ///< vertices that gave up their own id
 
   std::size_t triangleCount() const { return ids.size() / 3; }
   bool hasQuads() const { return !slots.empty(); }
@@ -20,10 +27,7 @@ struct Mesh {
   std::vector<std::uint32_t> slots;  ///< 3 per triangle: corner of the surface; empty = all triangles, one after the other
   std::vector<std::uint32_t> faces;  ///< per triangle; empty as slots
 
-  // What the views above look at when it is not the caller's.
-  Array<std::uint32_t> ownIds;
-  std::vector<glm::vec3> ownPositions, ownNormals;
-  std::vector<glm::vec2> ownUvs;
+  Array<std::uint32_t> ownIds;  ///< what `ids` looks at when it is not the caller's
 };
 
 /// Splits quads along the diagonal shorter in UV (then in space, then 0-2) and welds vertices of equal position, normal and UV: equal as

@@ -47,6 +47,7 @@ class Output {
   void copy(std::uint32_t to, std::uint32_t from) const {
     std::memcpy(corners_ + 4 * std::size_t(to), corners_ + 4 * std::size_t(from), 4 * sizeof(float));
   }
+  void prefetch(std::uint32_t corner) const { __builtin_prefetch(corners_ + 4 * std::size_t(corner), 1); }
   glm::vec3 tangent(std::uint32_t corner) const {
     const float* c = corners_ + 4 * std::size_t(corner);
     return {c[0], c[1], c[2]};

@@ -28,7 +28,7 @@ void forCorners(const Mesh& m, const Frames& frames, std::size_t first, std::siz
 // for any number of parts.
 Rings ringsOf(const Mesh& m, const Frames& frames, const Loop& loop) {
   Rings rings;
-  const std::size_t triangles = m.triangleCount(), ids = m.positions.size();
+  const std::size_t triangles = m.triangleCount(), ids = m.vertices.size();
   const std::size_t threads = loop.each ? std::size_t(std::max(1, loop.threads)) : 1;
   const std::size_t parts = std::clamp<std::size_t>(triangles / kLeastPart, 1, std::min(threads, kMaxParts));
   const std::size_t size = (triangles + parts - 1) / parts;
@@ -59,7 +59,8 @@ Rings ringsOf(const Mesh& m, const Frames& frames, const Loop& loop) {
     }
   });
 
-  rings.corners.resize(stretch.back());
+  rings.corners.resize(stretch.back() + Rings::kAhead);
+  std::fill(rings.corners.end() - Rings::kAhead, rings.corners.end(), 0);
   pieces(loop, triangles, std::max<std::size_t>(1, size), [&](std::size_t a, std::size_t b) {
     std::uint32_t* place = count[a / size].data();
     forCorners(m, frames, a, b, [&](std::uint32_t id, RingCorner c) { rings.corners[place[id]++] = c; });

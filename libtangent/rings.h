@@ -15,7 +15,8 @@ inline constexpr std::uint32_t kNextCorner[3] = {1, 2, 0}, kPreviousCorner[3] = 
 /// 0.2, 1.0, 1.2]
 struct Rings {
   Array<std::uint32_t> start;  ///< per id, and one more
-  Array<RingCorner> corners;
+  Array<RingCorner> corners;   ///< and kAhead zeros, so that what comes may be asked for
+  static constexpr std::size_t kAhead = 48;
 
   std::span<const RingCorner> of(std::uint32_t id) const { return {corners.data() + start[id], start[id + 1] - start[id]}; }
 };

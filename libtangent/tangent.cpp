@@ -23,7 +23,7 @@ std::uint32_t idAt(const Rings& rings, std::size_t corner) {
 
 /// All rings, in pieces of about as many corners. Remarks come in the order of vertices.
 Remarks computeAllRings(const Mesh& mesh, const Frames& frames, const Rings& rings, const Output& output, const Loop& loop) {
-  const std::size_t count = (rings.corners.size() + kCornersAPiece - 1) / kCornersAPiece;
+  const std::size_t count = (rings.start.back() + kCornersAPiece - 1) / kCornersAPiece;
   std::vector<Remarks> remarks(count);
   pieces(loop, count, 1, [&](std::size_t i, std::size_t) {
     computeRings(mesh, frames, rings, output, idAt(rings, i * kCornersAPiece), idAt(rings, (i + 1) * kCornersAPiece), remarks[i]);
@@ -42,7 +42,7 @@ void copyFrom(const Mesh& mesh, const Output& output, std::uint32_t slot, std::u
   output.copy(slot, source);
   if (output.exact()) return;
   Mend why = Mend::NoFrame;
-  if (output.determinant(slot) == 0.0f || !serves(output.tangent(slot), mesh.normals[id], why))
+  if (output.determinant(slot) == 0.0f || !serves(output.tangent(slot), mesh.vertices[id].normal, why))
     remarks.bad.push_back({slot, id, triangle, why});
 }
 
@@ -68,7 +68,7 @@ void copyWithinQuad(const Mesh& mesh, const Output& output, std::uint32_t degene
     for (std::uint32_t k = 0; k < 3; ++k) held |= mesh.slotOf(good, k) == slot;
     if (held) continue;
     for (std::uint32_t k = 0; k < 3; ++k) {
-      if (mesh.positions[mesh.ids[3 * std::size_t(good) + k]] != mesh.positions[id]) continue;
+      if (mesh.vertices[mesh.ids[3 * std::size_t(good) + k]].position != mesh.vertices[id].position) continue;
       copyFrom(mesh, output, slot, id, degenerate, mesh.slotOf(good, k), remarks);
       return;
     }

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
-#include <memory>
+#include <new>
 #include <span>
 #include <string>
 #include <utility>
@@ -17,17 +17,23 @@
 
 namespace lmc::tangent {
 
+void* allocateArray(std::size_t bytes, std::size_t alignment);  ///< throws std::bad_alloc; large ones ask for large pages
+void freeArray(void* array, std::size_t bytes, std::size_t alignment);
+
 /// An allocator that leaves new elements as they are: arrays of millions of corners are written once, not twice.
 template <class T>
-struct Unset : std::allocator<T> {
+struct Unset {
+  using value_type = T;
+  Unset() = default;
   template <class U>
-  struct rebind {
-    using other = Unset<U>;
-  };
+  Unset(const Unset<U>&) {}
+  T* allocate(std::size_t n) { return static_cast<T*>(allocateArray(n * sizeof(T), alignof(T))); }
+  void deallocate(T* array, std::size_t n) { freeArray(array, n * sizeof(T), alignof(T)); }
   template <class U, class... Arguments>
   void construct(U* place, Arguments&&... arguments) {
     if constexpr (sizeof...(Arguments) > 0) ::new (static_cast<void*>(place)) U(std::forward<Arguments>(arguments)...);
   }
+  friend bool operator==(const Unset&, const Unset&) { return true; }
 };
 template <class T>
 using Array = std::vector<T, Unset<T>>;
