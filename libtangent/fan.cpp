@@ -156,8 +156,8 @@ void Fan::solveGroup(Remarks& remarks) {
   for (const std::uint32_t place : members_) tangents_[place] = all;
 }
 
-/// Members of bit-equal directions are one class: what is opposite to one is opposite to all.
-void Fan::sortIntoClasses() {
+/// Members of bit-equal directions are one class: what is opposite to one is opposite to all. False when there are too many.
+bool Fan::sortIntoClasses() {
   sorted_.clear();
   for (const std::uint32_t place : members_)
     if (!framelessAt(place)) sorted_.push_back(place);
@@ -169,15 +169,24 @@ void Fan::sortIntoClasses() {
     return bits;
   };
   std::vector<std::pair<std::array<std::uint32_t, 6>, std::uint32_t>> keyed;
-  keyed.reserve(sorted_.size());
-  for (const std::uint32_t place : sorted_) keyed.emplace_back(key(place), place);
-  std::ranges::sort(keyed);
+  const auto add = [&](std::size_t from, std::size_t to) {
+    for (std::size_t i = from; i < to; ++i) keyed.emplace_back(key(sorted_[i]), sorted_[i]);
+    std::ranges::sort(keyed);
+  };
+  // A sample first: where it has too many classes already, the rest need not be looked at.
+  const std::size_t sample = std::min(sorted_.size(), 2 * kMaxClasses);
+  add(0, sample);
+  std::size_t classes = 1;
+  for (std::size_t i = 1; i < keyed.size(); ++i) classes += keyed[i].first != keyed[i - 1].first;
+  if (classes > kMaxClasses) return false;
+  if (sample < sorted_.size()) add(sample, sorted_.size());
   classOf_.resize(ring_.size());
   classPlace_.clear();
   for (std::size_t i = 0; i < keyed.size(); ++i) {
     if (i == 0 || keyed[i].first != keyed[i - 1].first) classPlace_.push_back(keyed[i].second);
     classOf_[keyed[i].second] = std::uint32_t(classPlace_.size() - 1);
   }
+  return classPlace_.size() <= kMaxClasses;
 }
 
 bool Fan::opposite(std::uint32_t a, std::uint32_t b) const {
@@ -188,7 +197,6 @@ bool Fan::opposite(std::uint32_t a, std::uint32_t b) const {
 /// Fills opposites_; false when that is too much work.
 bool Fan::findOpposites() {
   const std::uint32_t classes = std::uint32_t(classPlace_.size());
-  if (classes > kMaxClasses) return false;
   opposites_.assign(classes, {});
   Grid s, t;
   std::vector<std::uint32_t> odd;  // neither unit nor zero: what they are opposite to is anybody's guess
@@ -230,8 +238,7 @@ bool Fan::findOpposites() {
 /// A tangent per set: a member with a frame takes all but those opposite to it, its own face's other half always; a frameless one takes
 /// all. False when that is too much work.
 bool Fan::partMembers() {
-  sortIntoClasses();
-  if (!findOpposites()) return false;
+  if (!sortIntoClasses() || !findOpposites()) return false;
   std::map<std::vector<std::uint32_t>, std::uint32_t> setOf;
   for (const std::vector<std::uint32_t>& list : opposites_) setOf.emplace(list, 0);
   if (setOf.size() * members_.size() > kMaxVisits) return false;

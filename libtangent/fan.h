@@ -34,7 +34,7 @@ class Fan {
   void solveGroup(Remarks&);
   bool allAgree() const;
   bool partMembers();
-  void sortIntoClasses();
+  bool sortIntoClasses();
   bool opposite(std::uint32_t classA, std::uint32_t classB) const;
   bool findOpposites();
   template <class Left>

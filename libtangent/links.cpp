@@ -6,17 +6,24 @@ namespace lmc::tangent {
 
 namespace {
 
+std::uint64_t sideOf(std::uint32_t other, std::size_t place, bool leaving) {
+  return std::uint64_t(other) << 32 | place << 1 | (leaving ? 1 : 0);
+}
+std::uint32_t otherOf(std::uint64_t side) { return std::uint32_t(side >> 32); }
+std::uint32_t placeOf(std::uint64_t side) { return std::uint32_t(side) >> 1; }
+bool leaves(std::uint64_t side) { return side & 1; }
+
 /// Pairs the sides of one edge, given in ascending places. All that wait run the same way, or they would have paired: so the first of them
 /// is the right one for whoever comes the other way. The queue lives at the front of what has been read.
-void pairEdge(std::span<LinkScratch::Side> sides, std::vector<Across>& across) {
-  const auto set = [&](const LinkScratch::Side& side, std::uint32_t neighbour) {
-    (side.leaving ? across[side.place].leaving : across[side.place].coming) = neighbour;
+void pairEdge(std::span<std::uint64_t> sides, std::vector<Across>& across) {
+  const auto set = [&](std::uint64_t side, std::uint32_t neighbour) {
+    (leaves(side) ? across[placeOf(side)].leaving : across[placeOf(side)].coming) = neighbour;
   };
   std::size_t head = 0, tail = 0;
-  for (const LinkScratch::Side side : sides) {
-    if (head < tail && sides[head].leaving != side.leaving) {
-      set(side, sides[head].place);
-      set(sides[head++], side.place);
+  for (const std::uint64_t side : sides) {
+    if (head < tail && leaves(sides[head]) != leaves(side)) {
+      set(side, placeOf(sides[head]));
+      set(sides[head++], placeOf(side));
     } else {
       sides[tail++] = side;
     }
@@ -111,17 +118,17 @@ class Contest {
 
 void linkRing(const Mesh& m, std::span<const RingCorner> ring, LinkScratch& scratch, std::vector<Across>& across) {
   across.assign(ring.size(), {});
-  scratch.sides.clear();
+  scratch.clear();
   for (std::size_t i = 0; i < ring.size(); ++i) {
     const std::uint32_t* id = &m.ids[3 * std::size_t(triangleOf(ring[i]))];
     const std::uint32_t c = cornerOf(ring[i]);
-    scratch.sides.push_back({id[kNextCorner[c]], std::uint32_t(i), true});
-    scratch.sides.push_back({id[kPreviousCorner[c]], std::uint32_t(i), false});
+    scratch.push_back(sideOf(id[kNextCorner[c]], i, true));
+    scratch.push_back(sideOf(id[kPreviousCorner[c]], i, false));
   }
-  std::ranges::sort(scratch.sides, {}, [](const LinkScratch::Side& s) { return std::uint64_t(s.other) << 32 | s.place; });
-  for (std::size_t first = 0, last; first < scratch.sides.size(); first = last) {
-    for (last = first + 1; last < scratch.sides.size() && scratch.sides[last].other == scratch.sides[first].other;) ++last;
-    pairEdge({scratch.sides.data() + first, last - first}, across);
+  std::ranges::sort(scratch);
+  for (std::size_t first = 0, last; first < scratch.size(); first = last) {
+    for (last = first + 1; last < scratch.size() && otherOf(scratch[last]) == otherOf(scratch[first]);) ++last;
+    pairEdge({scratch.data() + first, last - first}, across);
   }
 }
 

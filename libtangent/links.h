@@ -11,14 +11,8 @@ struct Across {
   std::uint32_t leaving = kNobody, coming = kNobody;
 };
 
-/// Reused from ring to ring.
-struct LinkScratch {
-  struct Side {
-    std::uint32_t other, place;  ///< the id at the far end
-    bool leaving;
-  };
-  std::vector<Side> sides;
-};
+/// Sides at the vertex, reused from ring to ring: the id at the far end, the place, and whether the side leaves, in one word that sorts so.
+using LinkScratch = std::vector<std::uint64_t>;
 
 /// An edge's triangles pair in ascending order, each with the first later one that runs the other way and is free: the pairing is the same
 /// seen from either end. Sides of more than two triangles are allowed. O(n log n).

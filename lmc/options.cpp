@@ -236,8 +236,8 @@ Command parseCommandLine(int argc, const char* const* argv) {
   shadeApp->add_option("-j,--threads", shade.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
   VerifyOptions verify;
-  CLI::App* verifyApp = app.add_subcommand("verify", "run analytic reference cases through the libraries; exit code 6 when one fails");
-  verifyApp->add_option("CASES", verify.files, "files of cases (JSON, schema lmc-analytic/1)")->required();
+  CLI::App* verifyApp = app.add_subcommand("verify", "run analytic reference cases and tangent vectors through the libraries; exit code 6 when one fails");
+  verifyApp->add_option("CASES", verify.files, "files of cases (JSON, schema lmc-analytic/1) or of tangent vectors (.tspace)")->required();
   verifyApp->add_option("--only", verify.only, "run the case of this id, or all whose id begins so")->type_name("ID");
   verifyApp->add_flag("--json", verify.json, "print the results as JSON");
   verifyApp->add_option("--seed", verify.seed, "of all random numbers")->capture_default_str();
