@@ -37,7 +37,7 @@ void prepare(const char* level) {
   bench.tracer = std::make_unique<Tracer>(bench.scene);
   const int side = bench.scene.mapResolution > 0 ? bench.scene.mapResolution : 256;
   const Charts charts = findCharts(bench.scene, side, run);
-  const TexelMap map(bench.scene, charts, side, side);
+  const TexelMap map(bench.scene, charts, side);
   // Texels spread evenly over the covered ones, in the order of tiles: as a bake meets them.
   std::vector<std::pair<std::size_t, int>> covered;
   for (std::size_t t = 0; t < map.tileCount(); ++t) {

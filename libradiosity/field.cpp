@@ -46,12 +46,13 @@ PatchGroups coarseGroups(const PatchMesh& mesh) {
 
 std::uint32_t DirectMap::texelAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) const {
   const Object& object = scene.objectOf(triangle);
-  if (!illuminance || !object.receive || !object.hasUv1) return kNone;
+  if (!illuminance || !object.receive || !object.inMap) return kNone;
   const glm::uvec3 t = scene.triangles[triangle];
-  const glm::vec2 uv = (1.0f - bary.x - bary.y) * scene.uv1[t.x] + bary.x * scene.uv1[t.y] + bary.y * scene.uv1[t.z];
+  const glm::dvec2 w(bary);
+  const glm::dvec2 p = (1.0 - w.x - w.y) * scene.mapPlace(object, t.x, width) + w.x * scene.mapPlace(object, t.y, width) +
+                       w.y * scene.mapPlace(object, t.z, width);
   // A UV of exactly 1 lies in the last texel; what is farther out was refused with the charts.
-  const int x = std::clamp(int(std::floor(uv.x * float(width))), 0, width - 1),
-            y = std::clamp(int(std::floor(uv.y * float(height))), 0, height - 1);
+  const int x = std::clamp(int(std::floor(p.x)), 0, width - 1), y = std::clamp(int(std::floor(p.y)), 0, height - 1);
   const std::size_t i = std::size_t(y) * std::size_t(width) + std::size_t(x);
   // Where charts share a texel, only the one that has it may be read there.
   return chart[i] == kNone || chart[i] != charts->chartOf[triangle] ? kNone : std::uint32_t(i);
@@ -165,11 +166,12 @@ Field::~Field() = default;
 Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, const TexelMap& texels, const PatchLight& light,
              std::array<const Bounced*, 2> solutions, const Bounced* coarser, const Run& run, bool compact)
     : scene_(scene), mesh_(mesh), map_(map), uvs_(scene.triangles.size()) {
-  const glm::vec2 size(map.width, map.height);
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
-    if (!scene.objectOf(t).receive || !scene.objectOf(t).hasUv1) continue;
+    const Object& object = scene.objectOf(t);
+    if (!object.receive || !object.inMap) continue;
     const glm::uvec3 v = scene.triangles[t];
-    uvs_[t] = {size * scene.uv1[v.x], size * (scene.uv1[v.y] - scene.uv1[v.x]), size * (scene.uv1[v.z] - scene.uv1[v.x]),
+    const glm::dvec2 a = scene.mapPlace(object, v.x, map.width);
+    uvs_[t] = {glm::vec2(a), glm::vec2(scene.mapPlace(object, v.y, map.width) - a), glm::vec2(scene.mapPlace(object, v.z, map.width) - a),
                map.charts->chartOf[t]};
   }
   parts_ = std::make_unique<Parts>(scene, mesh, map, texels, run);

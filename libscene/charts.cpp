@@ -8,6 +8,7 @@
 #include <bit>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <unordered_map>
 
 #include "libscene/polygon2.h"
@@ -26,11 +27,14 @@ constexpr double kHarmlessOutside_texel = 1.0 / 64.0;
 // mean by that share of their difference, and such places are neighbours: 1/32 of a texel stays below any goal.
 constexpr double kHarmlessOverlap_texel = 1.0 / 32.0;
 constexpr std::uint64_t kEnoughPairs = 1000;  // of overlapping triangles: then the layout is no layout, and counting on would take n^2
+constexpr std::uint64_t kMostPairs = 10'000'000, kPairsATriangle = 100;  // whose boxes meet: the same
+constexpr double kNoArea = 1e-7;    // of an object's: triangles below it may have none in the map, for their UVs are rounded
+constexpr double kLostArea = 1e-3;  // of an object's, without area in the map: then its UVs are no layout
 constexpr int kMinSide = 16, kMaxSide = 8192;
 
 std::array<glm::dvec2, 3> uvCorners(const Scene& scene, std::uint32_t triangle) {
   const glm::uvec3 t = scene.triangles[triangle];
-  return {glm::dvec2(scene.uv1[t.x]), glm::dvec2(scene.uv1[t.y]), glm::dvec2(scene.uv1[t.z])};
+  return {glm::dvec2(scene.mapUv[t.x]), glm::dvec2(scene.mapUv[t.y]), glm::dvec2(scene.mapUv[t.z])};
 }
 
 std::string pointer(const Object& o) { return fmt::format("/meshes/{}/primitives/{}/attributes/TEXCOORD_1", o.mesh, o.primitive); }
@@ -90,47 +94,68 @@ std::uint32_t rootOf(std::vector<std::uint32_t>& parent, std::uint32_t i) {
   return i;
 }
 
-void checkBounds(const Scene& scene, const std::vector<std::uint32_t>& triangles, int side) {
-  const double slack = kHarmlessOutside_texel / side;
-  for (const std::uint32_t t : triangles)
-    for (const glm::dvec2 uv : uvCorners(scene, t))
-      if (!(uv.x >= -slack && uv.x <= 1.0 + slack && uv.y >= -slack && uv.y <= 1.0 + slack))
-        throw Error(Exit::Broken, scene.file, pointer(scene.objectOf(t)),
-                    fmt::format("light-map UV ({:g}, {:g}) of {} is outside [0, 1]", uv.x, uv.y, named(scene, t)), "LMC_UV_OUTSIDE");
+UvFault fault(const Scene& scene, UvFault::Kind kind, std::uint32_t triangle, std::string text) {
+  return {kind, scene.triangleObject[triangle], pointer(scene.objectOf(triangle)), std::move(text)};
 }
 
-void checkOverlap(const Scene& scene, const std::vector<std::uint32_t>& triangles, int side, const Run& run) {
-  using Box = CGAL::Box_intersection_d::Box_with_info_d<double, 2, std::uint32_t>;
+using Triangles = std::vector<std::uint32_t>;
+
+/// Calls f(a, b, overlap) for pairs of triangles of one map that have inner points in common, a < b, until f returns false. Pairs that
+/// `skip` names are not looked at; false when there were too many to look at all.
+template <class Skip, class F>
+bool forOverlaps(const Scene& scene, const Triangles& triangles, int side, Skip skip, F f) {
+  using Box = CGAL::Box_intersection_d::Box_with_info_d<double, 3, std::uint32_t>;
   std::vector<Box> boxes;
   boxes.reserve(triangles.size());
   for (const std::uint32_t t : triangles) {
     const auto c = uvCorners(scene, t);
     const glm::dvec2 lo = glm::min(glm::min(c[0], c[1]), c[2]), hi = glm::max(glm::max(c[0], c[1]), c[2]);
-    boxes.emplace_back(CGAL::Bbox_2(lo.x, lo.y, hi.x, hi.y), t);
+    const double map = scene.objectOf(t).map;
+    boxes.emplace_back(CGAL::Bbox_3(lo.x, lo.y, map, hi.x, hi.y, map), t);
   }
-  std::uint64_t pairs = 0, folds = 0;
-  std::pair<std::uint32_t, std::uint32_t> first{kNone, kNone};
-  double firstArea = 0.0;
-  struct Enough {};
+  struct Enough {
+    bool tooMany;
+  };
+  std::uint64_t asked = 0;
+  const std::uint64_t most = kMostPairs + kPairsATriangle * triangles.size();
   const auto onPair = [&](const Box& a, const Box& b) {
     const std::pair<std::uint32_t, std::uint32_t> pair = std::minmax(a.info(), b.info());
+    if (++asked > most) throw Enough{true};
+    if (skip(pair.first, pair.second)) return;
     const auto ca = uvCorners(scene, pair.first), cb = uvCorners(scene, pair.second);
-    if (!interiorsMeet(ca, cb)) return;
-    const Overlap overlap = overlapOf(ca, cb, side);
-    if (overlap.harmless()) {
-      ++folds;
-      return;
-    }
-    if (pair < first) {
-      first = pair;
-      firstArea = overlap.area_texel2;
-    }
-    if (++pairs == kEnoughPairs) throw Enough();
+    if (interiorsMeet(ca, cb) && !f(pair.first, pair.second, overlapOf(ca, cb, side))) throw Enough{false};
   };
   try {
     CGAL::box_self_intersection_d(boxes.begin(), boxes.end(), onPair);
-  } catch (const Enough&) {
+  } catch (const Enough& enough) {
+    return !enough.tooMany;
   }
+  return true;
+}
+
+std::string overlapText(const Scene& scene, std::uint32_t a, std::uint32_t b, double area_texel2, int side) {
+  return fmt::format("light-map UVs overlap: {} and {} share {:.3g} texels of a map of {} x {}", named(scene, a), named(scene, b),
+                     area_texel2, side, side);
+}
+
+/// The first of the pairs of triangles that share more than rounding; too many pairs are a fault of the first triangle.
+std::optional<UvFault> overlapFault(const Scene& scene, const Triangles& triangles, int side, const Run& run) {
+  std::uint64_t pairs = 0, folds = 0;
+  std::pair<std::uint32_t, std::uint32_t> first{kNone, kNone};
+  double firstArea = 0.0;
+  forOverlaps(
+      scene, triangles, side, [](std::uint32_t, std::uint32_t) { return false; },
+      [&](std::uint32_t a, std::uint32_t b, const Overlap& overlap) {
+        if (overlap.harmless()) {
+          ++folds;
+          return true;
+        }
+        if (std::pair(a, b) < first) {
+          first = {a, b};
+          firstArea = overlap.area_texel2;
+        }
+        return ++pairs < kEnoughPairs;
+      });
   if (pairs == 0) {
     if (folds > 0)
       run.note({{},
@@ -138,16 +163,69 @@ void checkOverlap(const Scene& scene, const std::vector<std::uint32_t>& triangle
                 "",
                 fmt::format("{} pairs of light-map triangles overlap by less than 1/32 texel: taken as rounding", folds),
                 "LMC_UV_FOLD"});
-    return;
+    return std::nullopt;
   }
-  throw Error(Exit::Broken, scene.file, pointer(scene.objectOf(first.first)),
-              fmt::format("light-map UVs overlap: {} and {} share {:.3g} texels of a map of {} x {}; {}{} pairs of triangles overlap",
-                          named(scene, first.first), named(scene, first.second), firstArea, side, side,
-                          pairs == kEnoughPairs ? "at least " : "", pairs),
-              "LMC_UV_OVERLAP");
+  return fault(scene, UvFault::Kind::Overlap, first.first,
+               overlapText(scene, first.first, first.second, firstArea, side) +
+                   fmt::format("; {}{} pairs of triangles overlap", pairs == kEnoughPairs ? "at least " : "", pairs));
+}
+
+std::optional<UvFault> boundsFault(const Scene& scene, std::uint32_t t, int side) {
+  const double slack = kHarmlessOutside_texel / side;
+  for (const glm::dvec2 uv : uvCorners(scene, t))
+    if (!(uv.x >= -slack && uv.x <= 1.0 + slack && uv.y >= -slack && uv.y <= 1.0 + slack))
+      return fault(scene, UvFault::Kind::OutOfRange, t,
+                   fmt::format("light-map UV ({:g}, {:g}) of {} is outside [0, 1]", uv.x, uv.y, named(scene, t)));
+  return std::nullopt;
+}
+
+UvFault missing(const Scene& scene, std::uint32_t object) {
+  const Object& o = scene.objects[object];
+  return {UvFault::Kind::Missing, object, fmt::format("/meshes/{}/primitives/{}/attributes", o.mesh, o.primitive),
+          fmt::format("object '{}' has no TEXCOORD_1", o.path)};
+}
+
+bool isPlaced(const Scene& scene, std::uint32_t t) { return orientation(uvCorners(scene, t)) != CGAL::ZERO; }
+
+/// Triangles that share a corner in map UV space are one chart; numbered in order of their first triangles.
+Charts connected(const Scene& scene, const Triangles& placed) {
+  std::vector<std::uint32_t> parent(scene.triangles.size());
+  std::iota(parent.begin(), parent.end(), 0u);
+  std::unordered_map<Key, std::uint32_t, KeyHash> firstAt;
+  firstAt.reserve(placed.size());
+  for (const std::uint32_t t : placed) {
+    const glm::uvec3 v = scene.triangles[t];
+    for (int k = 0; k < 3; ++k) {
+      const auto [it, fresh] = firstAt.try_emplace(Key{scene.triangleObject[t], scene.mapUv[v[k]]}, t);
+      if (!fresh) {
+        const std::uint32_t a = rootOf(parent, t), b = rootOf(parent, it->second);
+        parent[std::max(a, b)] = std::min(a, b);
+      }
+    }
+  }
+  Charts charts;
+  charts.chartOf.assign(scene.triangles.size(), kNone);
+  for (const std::uint32_t t : placed) {
+    const std::uint32_t root = rootOf(parent, t);
+    charts.chartOf[t] = root == t ? charts.count++ : charts.chartOf[root];  // roots come first: they are the smallest of their set
+  }
+  return charts;
 }
 
 }  // namespace
+
+Error uvError(const Scene& scene, const UvFault& f) {
+  switch (f.kind) {
+    case UvFault::Kind::Missing:
+      return Error(Exit::Unsupported, scene.file, f.where, f.text + ": a light map needs UVs (--uv repair makes them)", "LMC_UV_MISSING");
+    case UvFault::Kind::OutOfRange:
+      return Error(Exit::Broken, scene.file, f.where, f.text, "LMC_UV_OUTSIDE");
+    case UvFault::Kind::NoArea:
+      return Error(Exit::Broken, scene.file, f.where, f.text, "LMC_UV_ZERO_AREA");
+    default:
+      return Error(Exit::Broken, scene.file, f.where, f.text, "LMC_UV_OVERLAP");
+  }
+}
 
 int mapSide(const Scene& scene, int wanted, double texelsPerMetre) {
   if (wanted > 0) return wanted;
@@ -163,23 +241,85 @@ int mapSide(const Scene& scene, int wanted, double texelsPerMetre) {
   return int(std::bit_ceil(std::uint32_t(std::ceil(side))));
 }
 
-Charts findCharts(const Scene& scene, int side, const Run& run) {
-  for (const Object& o : scene.objects)
-    if (o.receive && !o.hasUv1 && o.triangleCount > 0)
-      throw Error(
-          Exit::Unsupported, scene.file, fmt::format("/meshes/{}/primitives/{}/attributes", o.mesh, o.primitive),
-          fmt::format("object '{}' has no TEXCOORD_1: a light map needs a second UV set, and this version does not make one", o.path),
-          "LMC_UV_MISSING");
+std::vector<UvFault> uvFaults(const Scene& scene, int side) {
+  std::vector<UvFault> out;
+  std::vector<bool> faulty(scene.objects.size(), false);
+  const auto add = [&](UvFault f) {
+    if (faulty[f.object]) return;
+    faulty[f.object] = true;
+    out.push_back(std::move(f));
+  };
+  Triangles sound;
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i) {
+    const Object& o = scene.objects[i];
+    if (!o.receive || o.triangleCount == 0) continue;
+    if (!o.inMap) {
+      add(missing(scene, i));
+      continue;
+    }
+    Triangles placed;
+    double area_m2 = 0.0, lost_m2 = 0.0;
+    std::optional<UvFault> found;
+    for (std::uint32_t t = o.firstTriangle; t < o.firstTriangle + o.triangleCount && !found; ++t) {
+      const double a = lmc::area_m2(scene.corners_m(t));
+      area_m2 += a;
+      found = boundsFault(scene, t, side);
+      if (isPlaced(scene, t))
+        placed.push_back(t);
+      else
+        lost_m2 += a;
+    }
+    if (!found && lost_m2 > kLostArea * area_m2)
+      found = fault(scene, UvFault::Kind::NoArea, o.firstTriangle,
+                    fmt::format("{:.3g} % of object '{}' have no area in light-map UV space", 100.0 * lost_m2 / area_m2, o.path));
+    if (!found) found = overlapFault(scene, placed, side, Run{});
+    if (found)
+      add(std::move(*found));
+    else
+      sound.insert(sound.end(), placed.begin(), placed.end());
+  }
+  const auto both = [&](std::uint32_t a, std::uint32_t b) {
+    const std::uint32_t i = scene.triangleObject[a], j = scene.triangleObject[b];
+    return i == j || (faulty[i] && faulty[j]);
+  };
+  const bool all = forOverlaps(scene, sound, side, both, [&](std::uint32_t a, std::uint32_t b, const Overlap& overlap) {
+    if (overlap.harmless()) return true;
+    const std::string text = overlapText(scene, a, b, overlap.area_texel2, side);
+    add(fault(scene, UvFault::Kind::Overlap, a, text));
+    add(fault(scene, UvFault::Kind::Overlap, b, text));
+    return true;
+  });
+  if (!all)  // layouts that each fill a whole map
+    for (const std::uint32_t t : sound)
+      add(fault(scene, UvFault::Kind::Overlap, t, fmt::format("light-map UVs of object '{}' overlap others'", scene.objectOf(t).path)));
+  std::ranges::sort(out, {}, &UvFault::object);
+  return out;
+}
 
-  std::vector<std::uint32_t> placed;
+Charts connectedByUv(const Scene& scene, const std::vector<bool>& without) {
+  Triangles placed;
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t)
+    if (!without[scene.triangleObject[t]] && isPlaced(scene, t)) placed.push_back(t);
+  return connected(scene, placed);
+}
+
+Charts findCharts(const Scene& scene, int side, const Run& run) {
+  Triangles placed;
   std::uint64_t flat = 0;
   std::uint32_t firstFlat = kNone;
-  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
-    if (!scene.objectOf(t).receive) continue;
-    if (orientation(uvCorners(scene, t)) != CGAL::ZERO) {
-      placed.push_back(t);
-    } else if (!isDegenerate(scene.corners_m(t))) {
-      if (flat++ == 0) firstFlat = t;
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i) {
+    const Object& o = scene.objects[i];
+    if (!o.receive || o.triangleCount == 0) continue;
+    if (!o.inMap) throw uvError(scene, missing(scene, i));
+    double area_m2 = 0.0;
+    for (std::uint32_t t = o.firstTriangle; t < o.firstTriangle + o.triangleCount; ++t) area_m2 += lmc::area_m2(scene.corners_m(t));
+    for (std::uint32_t t = o.firstTriangle; t < o.firstTriangle + o.triangleCount; ++t) {
+      if (const auto outside = boundsFault(scene, t, side)) throw uvError(scene, *outside);
+      if (isPlaced(scene, t)) {
+        placed.push_back(t);
+      } else if (lmc::area_m2(scene.corners_m(t)) > kNoArea * area_m2) {
+        if (flat++ == 0) firstFlat = t;
+      }
     }
   }
   if (flat > 0)
@@ -189,31 +329,9 @@ Charts findCharts(const Scene& scene, int side, const Run& run) {
               fmt::format("{} triangles have no area in light-map UV space and get no light map; the first is {}", flat,
                           named(scene, firstFlat)),
               "LMC_UV_ZERO_AREA"});
-  checkBounds(scene, placed, side);
-  checkOverlap(scene, placed, side, run);
+  if (const auto overlap = overlapFault(scene, placed, side, run)) throw uvError(scene, *overlap);
 
-  // Union of triangles by shared (object, UV) corners.
-  std::vector<std::uint32_t> parent(scene.triangles.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  std::unordered_map<Key, std::uint32_t, KeyHash> firstAt;
-  firstAt.reserve(placed.size());
-  for (const std::uint32_t t : placed) {
-    const glm::uvec3 v = scene.triangles[t];
-    for (int k = 0; k < 3; ++k) {
-      const auto [it, fresh] = firstAt.try_emplace(Key{scene.triangleObject[t], scene.uv1[v[k]]}, t);
-      if (!fresh) {
-        const std::uint32_t a = rootOf(parent, t), b = rootOf(parent, it->second);
-        parent[std::max(a, b)] = std::min(a, b);
-      }
-    }
-  }
-  Charts charts;
-  charts.chartOf.assign(scene.triangles.size(), kNone);
-  for (const std::uint32_t t : placed) {
-    const std::uint32_t root = rootOf(parent, t);
-    charts.chartOf[t] = root == t ? charts.count++ : charts.chartOf[root];  // roots come first: they are the smallest of their set
-  }
-  return charts;
+  return connected(scene, placed);
 }
 
 }  // namespace lmc

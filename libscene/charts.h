@@ -18,9 +18,23 @@ struct Charts {
 /// over the level's charts).
 int mapSide(const Scene&, int wanted, double texelsPerMetre);
 
-/// Throws Error Unsupported when an object that receives light has no TEXCOORD_1, Broken when a UV lies outside [0, 1] by more than 1/64
-/// texel or when two triangles overlap by more than 1/32 texel, or by a strip wider than that (decided by exact predicates, measured
-/// after). Names object, mesh and triangle. Triangles without UV area that have area in the level are counted in a warning.
+/// Why an object's map UVs cannot hold a light map.
+struct UvFault {
+  enum class Kind { Missing, OutOfRange, NoArea, Overlap, Stretch, Padding, Density } kind;
+  std::uint32_t object;
+  std::string where, text;  ///< JSON pointer; what is wrong, with names
+};
+
+/// The first fault of each object that receives light: no TEXCOORD_1; a UV outside [0, 1] by more than 1/64 texel; more than 1/1000 of the
+/// area without UV area; two triangles that overlap by more than 1/32 texel, or by a strip wider than that (decided by exact predicates,
+/// measured after), in the object itself or with another, which then has the same fault.
+std::vector<UvFault> uvFaults(const Scene&, int mapSide);
+Error uvError(const Scene&, const UvFault&);
+
+/// Charts of the objects that are not left out, whatever their faults.
+Charts connectedByUv(const Scene&, const std::vector<bool>& without);
+
+/// Throws what uvFaults() would find. Triangles without UV area that have area in the level are counted in a warning.
 Charts findCharts(const Scene&, int mapSide, const Run&);
 
 }  // namespace lmc

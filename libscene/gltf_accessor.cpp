@@ -28,6 +28,11 @@ float asFloat(const std::uint8_t* at, bool normalized) {
 }
 
 template <class Stored>
+double asNumber(const std::uint8_t* at, bool) {
+  return double(component<Stored>(at));
+}
+
+template <class Stored>
 std::uint32_t asIndex(const std::uint8_t* at, bool) {
   return std::uint32_t(component<Stored>(at));
 }
@@ -35,21 +40,31 @@ std::uint32_t asIndex(const std::uint8_t* at, bool) {
 template <class Value>
 using Reader = Value (*)(const std::uint8_t*, bool);
 
-Reader<float> floatReader(int type) {
+/// f(a value of the stored type), for the type that an accessor names.
+template <class F>
+auto withStored(int type, F f) {
   switch (type) {
     case TINYGLTF_COMPONENT_TYPE_BYTE:
-      return asFloat<std::int8_t>;
+      return f(std::int8_t());
     case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
-      return asFloat<std::uint8_t>;
+      return f(std::uint8_t());
     case TINYGLTF_COMPONENT_TYPE_SHORT:
-      return asFloat<std::int16_t>;
+      return f(std::int16_t());
     case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
-      return asFloat<std::uint16_t>;
+      return f(std::uint16_t());
     case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
-      return asFloat<std::uint32_t>;
+      return f(std::uint32_t());
     default:
-      return asFloat<float>;
+      return f(float());
   }
+}
+
+Reader<float> floatReader(int type) {
+  return withStored(type, [](auto stored) -> Reader<float> { return asFloat<decltype(stored)>; });
+}
+
+Reader<double> numberReader(int type) {
+  return withStored(type, [](auto stored) -> Reader<double> { return asNumber<decltype(stored)>; });
 }
 
 Reader<std::uint32_t> indexReader(int type) {
@@ -89,12 +104,20 @@ const std::uint8_t* viewStart(const GltfFile& file, const tinygltf::BufferView& 
   return buffer.data() + view.byteOffset;
 }
 
+/// How many values an element has, and how many bytes each.
+struct Element {
+  std::size_t components, size;
+};
+
+Element elementOf(const tinygltf::Accessor& accessor) {
+  return {std::size_t(componentCount(accessor)), std::size_t(tinygltf::GetComponentSizeInBytes(std::uint32_t(accessor.componentType)))};
+}
+
 template <class Value>
-void applySparse(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Accessor& accessor, Reader<Value> read,
+void applySparse(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Accessor& accessor, Element e, Reader<Value> read,
                  std::vector<Value>& out) {
   const auto& sparse = accessor.sparse;
-  const auto components = std::size_t(componentCount(accessor));
-  const auto size = std::size_t(tinygltf::GetComponentSizeInBytes(std::uint32_t(accessor.componentType)));
+  const auto [components, size] = e;
   const auto indexSize = std::size_t(tinygltf::GetComponentSizeInBytes(std::uint32_t(sparse.indices.componentType)));
   const std::uint8_t* indices = viewStart(file, model.bufferViews[std::size_t(sparse.indices.bufferView)]);
   const std::uint8_t* values = viewStart(file, model.bufferViews[std::size_t(sparse.values.bufferView)]);
@@ -110,9 +133,9 @@ void applySparse(const GltfFile& file, const tinygltf::Model& model, const tinyg
 }
 
 template <class Value>
-std::vector<Value> readAll(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Accessor& accessor, Reader<Value> read) {
-  const auto components = std::size_t(componentCount(accessor));
-  const auto size = std::size_t(tinygltf::GetComponentSizeInBytes(std::uint32_t(accessor.componentType)));
+std::vector<Value> readAll(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Accessor& accessor, Element e,
+                           Reader<Value> read) {
+  const auto [components, size] = e;
   std::vector<Value> out(accessor.count * components);  // zeros, as the specification wants where there is no view
   if (accessor.bufferView >= 0) {
     const tinygltf::BufferView& view = model.bufferViews[std::size_t(accessor.bufferView)];
@@ -120,7 +143,7 @@ std::vector<Value> readAll(const GltfFile& file, const tinygltf::Model& model, c
     if (const std::uint8_t* start = viewStart(file, view))
       readElements(start + accessor.byteOffset, accessor.count, stride, components, size, read, accessor.normalized, out.data());
   }
-  if (accessor.sparse.isSparse) applySparse(file, model, accessor, read, out);
+  if (accessor.sparse.isSparse) applySparse(file, model, accessor, e, read, out);
   return out;
 }
 
@@ -130,7 +153,7 @@ int componentCount(const tinygltf::Accessor& accessor) { return tinygltf::GetNum
 
 std::vector<float> readFloats(const GltfFile& file, const tinygltf::Model& model, int accessor) {
   const tinygltf::Accessor& a = model.accessors[std::size_t(accessor)];
-  return readAll<float>(file, model, a, floatReader(a.componentType));
+  return readAll<float>(file, model, a, elementOf(a), floatReader(a.componentType));
 }
 
 void checkIndexValues(const GltfFile& file, const tinygltf::Model& model) {
@@ -171,7 +194,18 @@ void checkIndexValues(const GltfFile& file, const tinygltf::Model& model) {
 
 std::vector<std::uint32_t> readIndices(const GltfFile& file, const tinygltf::Model& model, int accessor) {
   const tinygltf::Accessor& a = model.accessors[std::size_t(accessor)];
-  return readAll<std::uint32_t>(file, model, a, indexReader(a.componentType));
+  return readAll<std::uint32_t>(file, model, a, elementOf(a), indexReader(a.componentType));
+}
+
+std::vector<double> readNumbers(const GltfFile& file, const tinygltf::Model& model, int accessor) {
+  const tinygltf::Accessor& a = model.accessors[std::size_t(accessor)];
+  return readAll<double>(file, model, a, elementOf(a), numberReader(a.componentType));
+}
+
+std::vector<std::uint8_t> readBytes(const GltfFile& file, const tinygltf::Model& model, int accessor) {
+  const tinygltf::Accessor& a = model.accessors[std::size_t(accessor)];
+  const Element e = elementOf(a);
+  return readAll<std::uint8_t>(file, model, a, {e.components * e.size, 1}, [](const std::uint8_t* at, bool) { return *at; });
 }
 
 }  // namespace lmc

@@ -17,6 +17,12 @@ std::vector<float> readFloats(const GltfFile& file, const tinygltf::Model& model
 /// Unsigned integers of a SCALAR accessor.
 std::vector<std::uint32_t> readIndices(const GltfFile& file, const tinygltf::Model& model, int accessor);
 
+/// The same as they are stored, integers not mapped.
+std::vector<double> readNumbers(const GltfFile& file, const tinygltf::Model& model, int accessor);
+
+/// Elements one behind the other as they are stored, sparse ones put in their places.
+std::vector<std::uint8_t> readBytes(const GltfFile& file, const tinygltf::Model& model, int accessor);
+
 /// Indices of all primitives and sparse accessors, whether a scene shows them or not: in range, and no restart values.
 void checkIndexValues(const GltfFile& file, const tinygltf::Model& model);
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
+#include <map>
 #include <unordered_set>
 
 #include <fmt/format.h>
@@ -24,13 +24,6 @@ constexpr std::size_t kMaxPathLength = 1024;  // of an object, in bytes; deeper 
 
 glm::dvec3 vec3(const std::vector<double>& v, double fallback) {
   return v.size() == 3 ? glm::dvec3(v[0], v[1], v[2]) : glm::dvec3(fallback);
-}
-
-glm::dmat4 trs(glm::dvec3 translation, glm::dquat rotation, glm::dvec3 scale) {
-  glm::dmat4 m = glm::mat4_cast(glm::normalize(rotation));
-  for (int axis = 0; axis < 3; ++axis) m[axis] *= scale[axis];
-  m[3] = glm::dvec4(translation, 1.0);
-  return m;
 }
 
 /// What a node hands down to its children.
@@ -70,13 +63,12 @@ class Loader {
   bool deforms(const tinygltf::Node& node) const;
   void chooseMeshNodes();
   void countAhead();
-  std::vector<glm::dmat4> instances(std::uint32_t node) const;
   void addNode(const Visit& visit);
   void addObject(const Visit& visit, std::uint32_t primitive, std::uint32_t instance, const glm::dmat4& world, bool instanced);
   void addVertices(const Part& part, const glm::dmat4& world, const std::string& where);
   bool addTriangles(const Part& part, std::uint32_t firstVertex, bool mirrored);
   void checkTextureSets(const Object& object, const Part& part) const;
-  const Part& part(std::uint32_t mesh, std::uint32_t primitive);
+  const Part& part(std::uint32_t mesh, std::uint32_t primitive, std::uint32_t mapSet);
   void addLight(const Visit& visit, std::size_t light);
   std::string nodeName(std::uint32_t node) const;
   std::string pathOf(std::uint32_t node) const;
@@ -92,14 +84,15 @@ class Loader {
   Scene scene_;
   std::vector<Visit> visits_;  ///< nodes of the scene, parents first, in the order of the file
   std::vector<std::uint32_t> parentOf_;
-  std::vector<bool> animated_;                     ///< by a channel that targets this very node
-  std::vector<std::uint32_t> meshNodes_;           ///< into visits_
-  std::vector<bool> lightMoves_;                   ///< its numbers are animated
-  bool restPose_ = false;                          ///< nothing but dynamic meshes: they are baked as they stand
-  std::vector<glm::dvec3> world_m_;                ///< of each vertex, not recentred
-  std::vector<std::uint32_t> useOf_;               ///< nodes still to come that show this mesh
-  std::unordered_map<std::uint64_t, Part> parts_;  ///< decoded primitives that are still needed
+  std::vector<bool> animated_;                          ///< by a channel that targets this very node
+  std::vector<std::uint32_t> meshNodes_;                ///< into visits_
+  std::vector<bool> lightMoves_;                        ///< its numbers are animated
+  bool restPose_ = false;                               ///< nothing but dynamic meshes: they are baked as they stand
+  std::vector<glm::dvec3> world_m_;                     ///< of each vertex, not recentred
+  std::vector<std::uint32_t> useOf_;                    ///< nodes still to come that show this mesh
+  std::map<std::array<std::uint32_t, 3>, Part> parts_;  ///< decoded primitives that are still needed, by mesh, number and map UV set
   std::unordered_set<std::string> objectPaths_, lightPaths_;
+  bool secondSetIsTexture_ = false;  ///< a texture samples TEXCOORD_1
   PartReport partReport_;
   std::uint64_t flattened_ = 0, flat_ = 0, defaultMaterial_ = 0, notUnitRotations_ = 0;
 };
@@ -197,7 +190,7 @@ glm::dmat4 Loader::localMatrix(std::uint32_t node) {
     rotation = glm::dquat(from.rotation[3], from.rotation[0], from.rotation[1], from.rotation[2]);
     if (std::abs(glm::length(rotation) - 1.0) > kUnitQuaternion) ++notUnitRotations_;
   }
-  return trs(vec3(from.translation, 0.0), rotation, vec3(from.scale, 1.0));
+  return Trs{vec3(from.translation, 0.0), rotation, vec3(from.scale, 1.0)}.matrix();
 }
 
 Inherited Loader::enter(std::uint32_t node, const Inherited& parent) {
@@ -270,31 +263,9 @@ void Loader::chooseMeshNodes() {
          "LMC_DYNAMIC");
 }
 
-/// World matrices of a node's instances relative to the node (EXT_mesh_gpu_instancing), or the identity alone.
-std::vector<glm::dmat4> Loader::instances(std::uint32_t node) const {
-  const Json* instancing = extension(file_.json["nodes"][node], "EXT_mesh_gpu_instancing");
-  const Json* attributes = instancing ? member(*instancing, "attributes") : nullptr;
-  if (!attributes) return {glm::dmat4(1.0)};
-  const auto values = [&](const char* key) {
-    const Json* accessor = member(*attributes, key);
-    return accessor ? readFloats(file_, model_, accessor->get<int>()) : std::vector<float>();
-  };
-  const std::vector<float> t = values("TRANSLATION"), r = values("ROTATION"), s = values("SCALE");
-  const std::size_t count = std::max({t.size() / 3, r.size() / 4, s.size() / 3});
-  std::vector<glm::dmat4> out;
-  out.reserve(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const glm::dvec3 translation = t.empty() ? glm::dvec3(0.0) : glm::dvec3(t[3 * i], t[3 * i + 1], t[3 * i + 2]);
-    const glm::dquat rotation = r.empty() ? glm::dquat(1.0, 0.0, 0.0, 0.0) : glm::dquat(r[4 * i + 3], r[4 * i], r[4 * i + 1], r[4 * i + 2]);
-    const glm::dvec3 scale = s.empty() ? glm::dvec3(1.0) : glm::dvec3(s[3 * i], s[3 * i + 1], s[3 * i + 2]);
-    out.push_back(trs(translation, glm::dot(rotation, rotation) > 0.0 ? rotation : glm::dquat(1.0, 0.0, 0.0, 0.0), scale));
-  }
-  return out;
-}
-
-const Part& Loader::part(std::uint32_t mesh, std::uint32_t primitive) {
-  const auto [it, isNew] = parts_.try_emplace(std::uint64_t(mesh) << 32 | primitive);
-  if (isNew) it->second = readPart(file_, model_, mesh, primitive, partReport_);
+const Part& Loader::part(std::uint32_t mesh, std::uint32_t primitive, std::uint32_t mapSet) {
+  const auto [it, isNew] = parts_.try_emplace({mesh, primitive, mapSet});
+  if (isNew) it->second = readPart(file_, model_, mesh, primitive, mapSet, partReport_);
   return it->second;
 }
 
@@ -324,7 +295,12 @@ void Loader::addVertices(const Part& part, const glm::dmat4& world, const std::s
     to.resize(first + count);
   };
   append(scene_.uv0, part.uv0);
-  append(scene_.uv1, part.uv1);
+  if (secondSetIsTexture_) append(scene_.uv1, part.uv1);
+  append(scene_.mapUv, part.mapUv);
+  if (part.source.empty())
+    for (std::uint32_t v = 0; v < count; ++v) scene_.sourceVertex.push_back(v);
+  else
+    append(scene_.sourceVertex, part.source);
   if (part.colors.empty() && scene_.colors.empty()) return;
   scene_.colors.resize(first, glm::vec4(1.0f));
   scene_.colors.insert(scene_.colors.end(), part.colors.begin(), part.colors.end());
@@ -365,10 +341,31 @@ void Loader::checkTextureSets(const Object& object, const Part& part) const {
   }
 }
 
+/// Where lmc has put an object's light map before: extras.lmc.lightmap of its node.
+struct MapMark {
+  std::uint32_t texCoord = 1, map = 0;
+};
+
+MapMark mapMark(const Json& node) {
+  constexpr std::uint32_t kMostMaps = 4096;
+  MapMark out;
+  const Json* lmc = lmcExtras(node);
+  const Json* mark = lmc ? member(*lmc, "lightmap") : nullptr;
+  if (!mark || !mark->is_object()) return out;
+  const auto number = [&](const char* key, std::uint32_t fallback, std::uint32_t most) {
+    const Json* n = member(*mark, key);
+    return n && n->is_number_unsigned() && n->get<std::uint64_t>() < most ? n->get<std::uint32_t>() : fallback;
+  };
+  out.texCoord = std::max(1u, number("texCoord", 1, 64));
+  out.map = number("map", 0, kMostMaps);
+  return out;
+}
+
 void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_t instance, const glm::dmat4& world, bool instanced) {
   const auto mesh = std::uint32_t(model_.nodes[visit.node].mesh);
   const tinygltf::Primitive& from = model_.meshes[mesh].primitives[primitive];
-  const Part& geometry = part(mesh, primitive);
+  const MapMark mark = mapMark(file_.json["nodes"][visit.node]);
+  const Part& geometry = part(mesh, primitive, mark.texCoord);
   Object object;
   object.node = visit.node;
   object.mesh = mesh;
@@ -381,6 +378,8 @@ void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_
   if (world_m_.size() + geometry.positions.size() >= kNone)
     throw Error(Exit::Broken, file_.path, where, "the level has more than 4 billion vertices", "LMC_MEMORY_LIMIT");
   object.firstTriangle = std::uint32_t(scene_.triangles.size());
+  object.firstVertex = firstVertex;
+  object.vertexCount = std::uint32_t(geometry.positions.size());
   addVertices(geometry, world, where);
   if (!addTriangles(geometry, firstVertex, glm::determinant(glm::dmat3(world)) < 0.0)) {
     ++flat_;
@@ -395,7 +394,10 @@ void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_
   object.path = uniquePath(objectPaths_, path, visit.node);
   object.receive = visit.state.receive;
   object.cast = visit.state.cast;
-  object.hasUv1 = !geometry.uv1.empty();
+  object.inMap = !geometry.mapUv.empty();
+  object.map = mark.map;
+  object.texCoord = mark.texCoord;
+  object.freeTexCoord = freeTexCoord(file_.json, file_.json["meshes"][mesh]["primitives"][primitive]);
   object.texelsPerMetre = visit.state.texelsPerMetre;
   defaultMaterial_ += from.material < 0;
   scene_.objects.push_back(std::move(object));
@@ -405,17 +407,16 @@ void Loader::addNode(const Visit& visit) {
   const auto mesh = std::uint32_t(model_.nodes[visit.node].mesh);
   const auto& primitives = model_.meshes[mesh].primitives;
   const bool instanced = extension(file_.json["nodes"][visit.node], "EXT_mesh_gpu_instancing") != nullptr;
-  const std::vector<glm::dmat4> all = instances(visit.node);
+  const std::vector<Trs> all = instanced ? readInstances(file_, model_, visit.node) : std::vector<Trs>(1);
   for (std::uint32_t i = 0; i < all.size(); ++i) {
-    const glm::dmat4 world = visit.state.world * all[i];
+    const glm::dmat4 world = instanced ? visit.state.world * all[i].matrix() : visit.state.world;
     for (std::uint32_t p = 0; p < primitives.size(); ++p)
       if (hasTriangles(primitives[p])) addObject(visit, p, i, world, instanced);
   }
   const glm::dmat3 linear(visit.state.world);
   const double size = glm::length(linear[0]) * glm::length(linear[1]) * glm::length(linear[2]);
   flattened_ += !(std::abs(glm::determinant(linear)) > 1e-12 * size) || size == 0.0;
-  if (--useOf_[mesh] == 0)
-    for (std::uint32_t p = 0; p < primitives.size(); ++p) parts_.erase(std::uint64_t(mesh) << 32 | p);
+  if (--useOf_[mesh] == 0) parts_.erase(parts_.lower_bound({mesh, 0, 0}), parts_.lower_bound({mesh + 1, 0, 0}));
 }
 
 void Loader::addLight(const Visit& visit, std::size_t light) {
@@ -531,6 +532,8 @@ Scene Loader::load() {
   visitNodes();
   chooseMeshNodes();
   scene_.materials = readMaterials(file_, model_, run_);
+  for (const Material& m : scene_.materials)
+    for (const TextureSlot& slot : kTextureSlots) secondSetIsTexture_ |= bool(m.*slot.texture) && (m.*slot.texture).uvSet == 1;
   countAhead();
   for (std::size_t i = 0; i < meshNodes_.size(); ++i) {
     addNode(visits_[meshNodes_[i]]);

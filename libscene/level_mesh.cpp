@@ -1,5 +1,6 @@
 #include "libscene/level_mesh.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -112,9 +113,12 @@ void unshare(std::vector<T>& values, std::span<const glm::uvec3> triangles) {
 }
 
 void makeFlat(Part& part) {
+  for (const glm::uvec3& t : part.triangles)
+    for (int c = 0; c < 3; ++c) part.source.push_back(t[c]);
   unshare(part.positions, part.triangles);
   unshare(part.uv0, part.triangles);
   unshare(part.uv1, part.triangles);
+  unshare(part.mapUv, part.triangles);
   unshare(part.colors, part.triangles);
   part.normals.resize(part.positions.size());
   for (std::uint32_t i = 0; i < part.triangles.size(); ++i) {
@@ -168,7 +172,13 @@ std::uint64_t triangleCount(const tinygltf::Model& model, const tinygltf::Primit
   return list ? count / 3 : count < 3 ? 0 : count - 2;
 }
 
-Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, PartReport& report) {
+std::vector<glm::uvec3> readTriangles(const GltfFile& file, const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
+  const auto vertices = model.accessors[std::size_t(attribute(primitive, "POSITION"))].count;
+  return trianglesOf(primitive.mode, cornersOf(file, model, primitive, vertices));
+}
+
+Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, std::uint32_t mapSet,
+              PartReport& report) {
   const tinygltf::Primitive& from = model.meshes[mesh].primitives[primitive];
   const Place place{file, fmt::format("/meshes/{}/primitives/{}", mesh, primitive)};
   Part part;
@@ -176,9 +186,13 @@ Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t me
   for (std::size_t v = 0; v < part.positions.size(); ++v)
     if (const glm::vec3 p = part.positions[v]; !std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
       throw place.broken("/attributes/POSITION", fmt::format("vertex {} is not finite", v), "LMC_POSITION_NOT_FINITE");
-  part.triangles = trianglesOf(from.mode, cornersOf(file, model, from, part.positions.size()));
+  part.triangles = readTriangles(file, model, from);
   if (const int a = attribute(from, "TEXCOORD_0"); a >= 0) part.uv0 = readUvs(place, model, a, "TEXCOORD_0");
   if (const int a = attribute(from, "TEXCOORD_1"); a >= 0) part.uv1 = readUvs(place, model, a, "TEXCOORD_1");
+  if (mapSet == 1)
+    part.mapUv = part.uv1;
+  else if (const std::string name = fmt::format("TEXCOORD_{}", mapSet); attribute(from, name.c_str()) >= 0)
+    part.mapUv = readUvs(place, model, attribute(from, name.c_str()), name.c_str());
   if (const int a = attribute(from, "COLOR_0"); a >= 0) part.colors = readColors(place, model, a);
   report.degenerate += dropDegenerate(part);
   if (const int a = attribute(from, "NORMAL"); a >= 0) {
@@ -188,6 +202,60 @@ Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t me
     makeFlat(part);
   }
   return part;
+}
+
+glm::dmat4 Trs::matrix() const {
+  glm::dmat4 m = glm::mat4_cast(glm::dot(rotation, rotation) > 0.0 ? glm::normalize(rotation) : glm::dquat(1.0, 0.0, 0.0, 0.0));
+  for (int axis = 0; axis < 3; ++axis) m[axis] *= scale[axis];
+  m[3] = glm::dvec4(translation, 1.0);
+  return m;
+}
+
+std::vector<Trs> readInstances(const GltfFile& file, const tinygltf::Model& model, std::size_t node) {
+  const Json* instancing = extension(file.json["nodes"][node], "EXT_mesh_gpu_instancing");
+  const Json* attributes = instancing ? member(*instancing, "attributes") : nullptr;
+  if (!attributes) return {};
+  const auto values = [&](const char* key) {
+    const Json* accessor = member(*attributes, key);
+    return accessor ? readFloats(file, model, accessor->get<int>()) : std::vector<float>();
+  };
+  const std::vector<float> t = values("TRANSLATION"), r = values("ROTATION"), s = values("SCALE");
+  std::vector<Trs> out(std::max({t.size() / 3, r.size() / 4, s.size() / 3}));
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (!t.empty()) out[i].translation = {t[3 * i], t[3 * i + 1], t[3 * i + 2]};
+    if (!r.empty()) out[i].rotation = glm::dquat(r[4 * i + 3], r[4 * i], r[4 * i + 1], r[4 * i + 2]);
+    if (!s.empty()) out[i].scale = {s[3 * i], s[3 * i + 1], s[3 * i + 2]};
+  }
+  return out;
+}
+
+namespace {
+
+/// Every "texCoord" in a material, extensions' textures included.
+void addTexCoords(const Json& json, std::vector<std::uint32_t>& sets) {
+  if (json.is_object())
+    if (const Json* set = member(json, "texCoord"); set && set->is_number_unsigned()) sets.push_back(set->get<std::uint32_t>());
+  if (json.is_structured())
+    for (const Json& child : json) addTexCoords(child, sets);
+}
+
+}  // namespace
+
+std::uint32_t freeTexCoord(const Json& gltf, const Json& primitive) {
+  std::vector<std::uint32_t> sets;
+  const Json* materials = member(gltf, "materials");
+  const auto add = [&](const Json& of) {
+    const Json* material = member(of, "material");
+    if (materials && material && material->is_number_unsigned() && material->get<std::size_t>() < materials->size())
+      addTexCoords((*materials)[material->get<std::size_t>()], sets);
+  };
+  add(primitive);
+  if (const Json* variants = extension(primitive, "KHR_materials_variants"))
+    if (const Json* mappings = member(*variants, "mappings"); mappings && mappings->is_array())
+      for (const Json& mapping : *mappings) add(mapping);
+  std::uint32_t n = 1;
+  while (std::ranges::find(sets, n) != sets.end()) ++n;
+  return n;
 }
 
 }  // namespace lmc

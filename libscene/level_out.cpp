@@ -2,83 +2,17 @@
 
 #include <fmt/format.h>
 
-#include "libscene/gltf_read.h"
+#include <bit>
+#include <map>
+#include <unordered_map>
+
+#include "libscene/gltf_edit.h"
+#include "libscene/rng.h"
 
 namespace lmc {
 namespace {
 
-constexpr std::size_t kMaxGlbBytes = 0xffffffffu;  // the lengths in a GLB are 32 bit
-
-void pad(std::vector<std::uint8_t>& bytes, std::size_t to, std::uint8_t with) {
-  while (bytes.size() % to != 0) bytes.push_back(with);
-}
-
-/// All buffers one behind the other as the new buffer 0, and the views moved to where their bytes are now. Buffers without
-/// bytes (their meaning is not glTF's business) stay what they are, behind it.
-std::vector<std::uint8_t> mergeBuffers(GltfFile& file) {
-  struct Moved {
-    std::size_t buffer = 0;
-    std::uint64_t start = 0;
-  };
-  std::vector<std::uint8_t> bin;
-  std::vector<Moved> moved;
-  Json buffers = Json::array({Json::object()});
-  for (std::size_t b = 0; b < file.buffers.size(); ++b) {
-    if (file.buffers[b].empty()) {
-      moved.push_back({buffers.size(), 0});
-      buffers.push_back(file.json["buffers"][b]);
-      continue;
-    }
-    pad(bin, 4, 0);
-    moved.push_back({0, bin.size()});
-    bin.insert(bin.end(), file.buffers[b].begin(), file.buffers[b].end());
-  }
-  file.json["buffers"] = std::move(buffers);
-  for (Json& view : file.json["bufferViews"]) {
-    const Moved& to = moved[view["buffer"].get<std::size_t>()];
-    view["byteOffset"] = to.start + view.value("byteOffset", std::uint64_t(0));
-    view["buffer"] = to.buffer;
-    // Their numbers of buffers would be wrong now, and the bytes are there without them.
-    for (const char* compression : {"EXT_meshopt_compression", "KHR_meshopt_compression"})
-      if (extension(view, compression)) view["extensions"].erase(compression);
-    if (const Json* left = member(view, "extensions"); left && left->empty()) view.erase("extensions");
-  }
-  return bin;
-}
-
-std::string mimeTypeOf(std::span<const std::uint8_t> bytes) {
-  const auto startsWith = [&](std::string_view magic, std::size_t at) {
-    return bytes.size() >= at + magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin() + std::ptrdiff_t(at),
-                                                           [](char a, std::uint8_t b) { return std::uint8_t(a) == b; });
-  };
-  if (startsWith("\x89PNG", 0)) return "image/png";
-  if (startsWith("\xff\xd8\xff", 0)) return "image/jpeg";
-  if (startsWith("WEBP", 8)) return "image/webp";
-  if (startsWith("\xabKTX 20", 0)) return "image/ktx2";
-  return "";
-}
-
-/// Pictures that are files or data URIs become views, so that the level stands alone.
-void embedImages(GltfFile& file, const LoadLimits& limits, std::vector<std::uint8_t>& bin) {
-  if (!member(file.json, "images")) return;
-  for (std::size_t i = 0; i < file.json["images"].size(); ++i) {
-    if (!member(file.json["images"][i], "uri")) continue;
-    std::vector<std::uint8_t> bytes;
-    try {
-      bytes = imageBytes(file, i, limits);
-    } catch (const Error&) {
-      continue;  // loadLevel() did not need it: what the level says of it stays as it was
-    }
-    pad(bin, 4, 0);
-    Json view = {{"buffer", 0}, {"byteOffset", bin.size()}, {"byteLength", bytes.size()}};
-    bin.insert(bin.end(), bytes.begin(), bytes.end());
-    file.json["bufferViews"].push_back(std::move(view));
-    Json& image = file.json["images"][i];
-    image.erase("uri");
-    image["bufferView"] = file.json["bufferViews"].size() - 1;
-    if (const std::string type = mimeTypeOf(bytes); !type.empty()) image["mimeType"] = type;
-  }
-}
+using Json = GltfEdit::Json;
 
 /// extras.lmc of a node, made where it is not there. Extras that are no object have no room for it and are kept under "value".
 Json& lmcOf(Json& node) {
@@ -87,51 +21,131 @@ Json& lmcOf(Json& node) {
   return extras["lmc"];
 }
 
-void mark(Json& gltf, const std::vector<NodeMap>& maps, const std::vector<std::uint32_t>& bakedLightNodes) {
-  for (const NodeMap& map : maps)
-    lmcOf(gltf["nodes"].at(map.node))["lightmap"] = Json{{"uri", map.uri}, {"scale", map.scale}, {"texCoord", map.texCoord}};
-  for (const std::uint32_t node : bakedLightNodes) lmcOf(gltf["nodes"].at(node))["baked"] = true;
+Json lightmapOf(const Object& o, const LevelMarks& marks) {
+  Json out = Json::object();
+  if (!marks.maps.empty()) {
+    out["uri"] = marks.maps[o.map].uri;
+    out["scale"] = marks.maps[o.map].scale;
+  }
+  out["texCoord"] = o.texCoord;
+  if (o.map > 0) out["map"] = o.map;
+  return out;
 }
 
-std::vector<std::uint8_t> glb(const std::string& json, const std::vector<std::uint8_t>& bin, const std::filesystem::path& file) {
-  const std::size_t jsonSize = (json.size() + 3) / 4 * 4, binSize = (bin.size() + 3) / 4 * 4;
-  const std::size_t size = 12 + 8 + jsonSize + (bin.empty() ? 0 : 8 + binSize);
-  if (size > kMaxGlbBytes)
-    throw Error(Exit::Limit, file, "", fmt::format("the level would be {} bytes as a GLB, which holds at most 4 GiB", size), "LMC_GLB");
-  std::vector<std::uint8_t> out;
-  out.reserve(size);
-  const auto word = [&](std::size_t value) {
-    for (int byte = 0; byte < 4; ++byte) out.push_back(std::uint8_t(value >> (8 * byte)));
-  };
-  for (const std::size_t value : {std::size_t(0x46546c67), std::size_t(2), size, jsonSize, std::size_t(0x4e4f534a)}) word(value);
-  out.insert(out.end(), json.begin(), json.end());
-  pad(out, 4, ' ');
-  if (bin.empty()) return out;
-  word(binSize);
-  word(0x004e4942);
-  out.insert(out.end(), bin.begin(), bin.end());
-  pad(out, 4, 0);
-  return out;
+/// A primitive with the map UVs that the scene has for the object.
+class NewPrimitive {
+ public:
+  NewPrimitive(GltfEdit& edit, const Scene& scene, const Object& o) : edit_(edit), scene_(scene), o_(o) {}
+
+  Json make(const Json& from) {
+    const std::vector<glm::uvec3> all = edit_.triangles(o_.mesh, o_.primitive);
+    // The scene has left out triangles without area; they stay in the file.
+    std::uint32_t next = o_.firstTriangle;
+    const std::uint32_t end = o_.firstTriangle + o_.triangleCount;
+    std::vector<std::uint32_t> loose;
+    for (const glm::uvec3& t : all) {
+      glm::uvec3 corners = t;
+      const auto source = [&](int k) { return scene_.sourceVertex[scene_.triangles[next][k]]; };
+      if (next < end && source(0) == t.x && source(1) == t.y && source(2) == t.z) {
+        const glm::uvec3 v = scene_.triangles[next++];
+        corners = {copy(t.x, scene_.mapUv[v.x]), copy(t.y, scene_.mapUv[v.y]), copy(t.z, scene_.mapUv[v.z])};
+      } else if (next < end && source(0) == t.x && source(1) == t.z && source(2) == t.y) {  // of a mirrored node
+        const glm::uvec3 v = scene_.triangles[next++];
+        corners = {copy(t.x, scene_.mapUv[v.x]), copy(t.y, scene_.mapUv[v.z]), copy(t.z, scene_.mapUv[v.y])};
+      } else {
+        loose.push_back(std::uint32_t(out_.triangles.size()));
+      }
+      out_.triangles.push_back(corners);
+    }
+    for (const std::uint32_t i : loose)
+      for (int k = 0; k < 3; ++k) {
+        std::uint32_t& v = out_.triangles[i][k];
+        const auto any = anyCopy_.find(v);
+        v = any != anyCopy_.end() ? any->second : copy(v, glm::vec2(0.0f));
+      }
+    Json base = from;
+    base["attributes"].erase(fmt::format("TEXCOORD_{}", o_.texCoord));  // not to be copied in vain
+    Json out = edit_.withVertices(base, out_);
+    const std::uint32_t uv = edit_.addFloats({&uv_[0].x, 2 * uv_.size()}, 2);
+    // glTF wants the sets below to be there.
+    for (std::uint32_t n = 0; n <= o_.texCoord; ++n)
+      if (Json& a = out["attributes"]; n == o_.texCoord || !a.contains(fmt::format("TEXCOORD_{}", n)))
+        a[fmt::format("TEXCOORD_{}", n)] = uv;
+    return out;
+  }
+
+ private:
+  std::uint32_t copy(std::uint32_t source, glm::vec2 uv) {
+    auto& same = known_[combine(source, std::uint64_t(std::bit_cast<std::uint32_t>(uv.x)) << 32 | std::bit_cast<std::uint32_t>(uv.y))];
+    for (const std::uint32_t n : same)
+      if (out_.source[n] == source && uv_[n] == uv) return n;
+    same.push_back(std::uint32_t(out_.source.size()));
+    out_.source.push_back(source);
+    uv_.push_back(uv);
+    anyCopy_.try_emplace(source, same.back());
+    return same.back();
+  }
+
+  GltfEdit& edit_;
+  const Scene& scene_;
+  const Object& o_;
+  NewVertices out_;
+  std::vector<glm::vec2> uv_;
+  std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> known_;
+  std::unordered_map<std::uint32_t, std::uint32_t> anyCopy_;  // of a source vertex
+};
+
+/// A mesh of its own for each node and instance, with the scene's map UVs.
+void writeUvs(GltfEdit& edit, const Scene& scene, const LevelMarks& marks) {
+  Json& json = edit.json();
+  const Json meshes = json["meshes"];                                                  // as they came in
+  std::map<std::uint32_t, std::map<std::uint32_t, std::vector<const Object*>>> nodes;  // node, instance
+  for (const Object& o : scene.objects)
+    if (o.receive && o.triangleCount > 0) nodes[o.node][o.instance].push_back(&o);
+  for (const auto& [node, instances] : nodes) {
+    std::vector<Json> places = edit.expandInstances(node);
+    const auto mesh = json["nodes"][node]["mesh"].get<std::size_t>();
+    const auto meshFor = [&](const std::vector<const Object*>& objects) {
+      Json own = meshes[mesh];
+      for (const Object* o : objects)
+        own["primitives"][o->primitive] = NewPrimitive(edit, scene, *o).make(meshes[mesh]["primitives"][o->primitive]);
+      json["meshes"].push_back(std::move(own));
+      return json["meshes"].size() - 1;
+    };
+    if (places.empty()) {
+      json["nodes"][node]["mesh"] = meshFor(instances.begin()->second);
+      continue;
+    }
+    json["nodes"][node].erase("mesh");
+    const std::string name = json["nodes"][node].value("name", meshes[mesh].value("name", std::string("instance")));
+    for (std::uint32_t i = 0; i < places.size(); ++i) {
+      Json child = {{"name", fmt::format("{}[{}]", name, i)}};
+      child.update(places[i]);
+      const auto it = instances.find(i);
+      child["mesh"] = it != instances.end() ? meshFor(it->second) : mesh;
+      if (it != instances.end()) lmcOf(child)["lightmap"] = lightmapOf(*it->second[0], marks);
+      json["nodes"].push_back(std::move(child));
+      json["nodes"][node]["children"].push_back(json["nodes"].size() - 1);
+    }
+  }
+  const std::size_t active = json.value("scene", std::size_t(0));
+  if (json.contains("scenes") && active < json["scenes"].size()) lmcOf(json["scenes"][active])["lightmap"]["resolution"] = marks.side;
 }
 
 }  // namespace
 
-std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, const LoadLimits& limits, const std::vector<NodeMap>& maps,
-                                        const std::vector<std::uint32_t>& bakedLightNodes) {
-  return withJsonErrors(level, [&] {
-    GltfFile file = readGltf(level, limits, Run{});  // what there is to say of it was said when it was loaded
-    for (const char* array : {"buffers", "bufferViews"})
-      if (!member(file.json, array)) file.json[array] = Json::array();
-    std::vector<std::uint8_t> bin = mergeBuffers(file);
-    embedImages(file, limits, bin);
-    mark(file.json, maps, bakedLightNodes);
-    if (!bin.empty()) file.json["buffers"][0]["byteLength"] = bin.size();
-    // Without bytes nothing can point to buffer 0, and glTF has no empty arrays.
-    else if (file.json["buffers"].size() == 1)
-      file.json.erase("buffers");
-    if (file.json["bufferViews"].empty()) file.json.erase("bufferViews");
-    return glb(file.json.dump(), bin, level);
-  });
+std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, const LoadLimits& limits, const Scene& scene,
+                                        const LevelMarks& marks) {
+  GltfEdit edit(level, limits);
+  edit.embedImages();
+  if (marks.newUvs) writeUvs(edit, scene, marks);
+  Json& json = edit.json();
+  for (const Object& o : scene.objects)
+    if (o.receive && o.triangleCount > 0 && json["nodes"].at(o.node).contains("mesh"))
+      lmcOf(json["nodes"][o.node])["lightmap"] = lightmapOf(o, marks);
+  for (const std::uint32_t node : marks.bakedLightNodes) lmcOf(json["nodes"].at(node))["baked"] = true;
+  if (marks.newUvs) edit.dropUnused();
+  return edit.glb();
 }
 
 }  // namespace lmc

@@ -1,5 +1,5 @@
 #pragma once
-/// The level as it goes out: the input with light-map marks, everything else of it kept.
+/// The level as it goes out: the input with its map UVs and marks, everything else of it kept.
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -9,17 +9,24 @@
 
 namespace lmc {
 
-/// extras.lmc.lightmap of a node.
-struct NodeMap {
-  std::uint32_t node = 0;
-  std::string uri;     ///< of the map, beside the level
+/// A light map of the level; maps of `lmc unwrap` have no file.
+struct MapFile {
+  std::string uri;     ///< beside the level
   double scale = 1.0;  ///< E = texel * scale [lx]
-  int texCoord = 1;
 };
 
-/// One self-contained GLB, in memory: the JSON of `level` with `maps` in its nodes' extras and `extras.lmc.baked = true` on
-/// baked lights' nodes, all buffers and pictures inside. Unknown extensions, names and extras stay. Same bytes for same input.
-std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, const LoadLimits& limits, const std::vector<NodeMap>& maps,
-                                        const std::vector<std::uint32_t>& bakedLightNodes);
+/// What is written into a level.
+struct LevelMarks {
+  std::vector<MapFile> maps;                   ///< by Object::map; empty = no light was baked
+  std::vector<std::uint32_t> bakedLightNodes;  ///< get extras.lmc.baked = true
+  bool newUvs = false;                         ///< map UVs are the scene's, no longer the file's
+  int side = 0;                                ///< of the maps [texels]; with new UVs it becomes the level's lightmap.resolution
+};
+
+/// One self-contained GLB, in memory: the JSON of `level`, of which `scene` was made, with `extras.lmc.lightmap` of every node that has a
+/// place in a map, all buffers and pictures inside. With new UVs meshes that several nodes show, and gpu instances, become a node and a
+/// mesh each. Unknown extensions, names and extras stay. Same bytes for same input.
+std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, const LoadLimits& limits, const Scene& scene,
+                                        const LevelMarks& marks);
 
 }  // namespace lmc

@@ -70,11 +70,15 @@ struct Object {
   std::string path;                                               ///< unique: node names from the root, "/hall/column[2]"
   std::uint32_t node = 0, mesh = 0, primitive = 0, instance = 0;  ///< glTF indices, for messages and outputs
   std::uint32_t firstTriangle = 0, triangleCount = 0;
+  std::uint32_t firstVertex = 0, vertexCount = 0;
   std::uint32_t material = 0;
-  bool receive = true;          ///< has a place in the light map
-  bool cast = true;             ///< blocks light and reflects it
-  bool hasUv1 = false;          ///< TEXCOORD_1 was there
-  double texelsPerMetre = 0.0;  ///< extras.lmc.texelsPerMetre; 0 = not said
+  bool receive = true;             ///< has a place in the light map
+  bool cast = true;                ///< blocks light and reflects it
+  bool inMap = false;              ///< its vertices have map UVs
+  std::uint32_t map = 0;           ///< in which of the level's maps it lies
+  std::uint32_t texCoord = 1;      ///< TEXCOORD_n that holds its map UVs
+  std::uint32_t freeTexCoord = 1;  ///< TEXCOORD_n that new ones may have: no texture samples it
+  double texelsPerMetre = 0.0;     ///< extras.lmc.texelsPerMetre; 0 = not said
 };
 
 struct Camera {
@@ -92,9 +96,11 @@ struct Scene {
 
   // Vertices, world space, recentred. All arrays but colors have one entry a vertex.
   std::vector<glm::vec3> positions_m;
-  std::vector<glm::vec3> normals;   ///< unit; made from the faces where the file has none
-  std::vector<glm::vec2> uv0, uv1;  ///< zero where the file has none
-  std::vector<glm::vec4> colors;    ///< COLOR_0, linear; empty when no mesh has it
+  std::vector<glm::vec3> normals;           ///< unit; made from the faces where the file has none
+  std::vector<glm::vec2> uv0, uv1;          ///< of textures, zero where the file has none; uv1 is empty when no texture uses it
+  std::vector<glm::vec2> mapUv;             ///< place in the object's light map, [0, 1]; TEXCOORD_1 until unwrap.h makes others
+  std::vector<std::uint32_t> sourceVertex;  ///< index in the vertices of its glTF primitive
+  std::vector<glm::vec4> colors;            ///< COLOR_0, linear; empty when no mesh has it
 
   std::vector<glm::uvec3> triangles;  ///< static geometry only; wound so that the front is counter-clockwise (mirrored nodes flipped)
   std::vector<std::uint32_t> triangleObject;
@@ -110,6 +116,10 @@ struct Scene {
   int mapResolution = 0;        ///< scene extras.lmc.lightmap.resolution; 0 = not said
   double texelsPerMetre = 0.0;  ///< scene extras.lmc.lightmap.texels_per_metre; 0 = not said
 
+  /// Place of a vertex in the maps, which lie one below the other, `side` texels each [texels].
+  glm::dvec2 mapPlace(const Object& object, std::uint32_t vertex, int side) const {
+    return double(side) * (glm::dvec2(mapUv[vertex]) + glm::dvec2(0.0, object.map));
+  }
   const Object& objectOf(std::uint32_t triangle) const { return objects[triangleObject[triangle]]; }
   const Material& materialOf(std::uint32_t triangle) const { return materials[objectOf(triangle).material]; }
   std::array<glm::dvec3, 3> corners_m(std::uint32_t triangle) const {

@@ -81,22 +81,25 @@ class SceneBuilder {
     o.node = object;
     o.mesh = object;
     o.firstTriangle = std::uint32_t(scene.triangles.size());
+    o.firstVertex = std::uint32_t(scene.positions_m.size());
     o.material = material;
-    o.hasUv1 = inMap;
+    o.inMap = inMap;
     o.receive = inMap;
     scene.objects.push_back(o);
     return object;
   }
-  void addVertex(const glm::vec3& position_m, const glm::vec3& normal, const glm::vec2& uv0, const glm::vec2& uv1) {
+  void addVertex(const glm::vec3& position_m, const glm::vec3& normal, const glm::vec2& uv0, const glm::vec2& mapUv) {
     scene.positions_m.push_back(position_m);
     scene.normals.push_back(normal);
     scene.uv0.push_back(uv0);
-    scene.uv1.push_back(uv1);
+    scene.sourceVertex.push_back(std::uint32_t(scene.positions_m.size() - 1) - scene.objects.back().firstVertex);
+    scene.mapUv.push_back(mapUv);
     for (int k = 0; k < 3; ++k) scene.extent_m = std::max(scene.extent_m, std::abs(position_m[k]));
   }
   void finishObject() {
     Object& o = scene.objects.back();
     o.triangleCount = std::uint32_t(scene.triangles.size()) - o.firstTriangle;
+    o.vertexCount = std::uint32_t(scene.positions_m.size()) - o.firstVertex;
     scene.triangleObject.resize(scene.triangles.size(), std::uint32_t(scene.objects.size() - 1));
   }
 

@@ -22,10 +22,10 @@ struct MapTriangle {
   glm::dvec2 lo, hi;
 };
 
-MapTriangle mapTriangle(const Scene& scene, std::uint32_t triangle, int width, int height) {
+MapTriangle mapTriangle(const Scene& scene, std::uint32_t triangle, int side) {
   MapTriangle m;
   const glm::uvec3 t = scene.triangles[triangle];
-  for (int k = 0; k < 3; ++k) m.corner[std::size_t(k)] = glm::dvec2(scene.uv1[t[k]]) * glm::dvec2(width, height);
+  for (int k = 0; k < 3; ++k) m.corner[std::size_t(k)] = scene.mapPlace(scene.objectOf(triangle), t[k], side);
   if (Polygon2::cross(m.corner[1] - m.corner[0], m.corner[2] - m.corner[0]) < 0.0) {
     std::swap(m.corner[1], m.corner[2]);
     m.order = {0, 2, 1};
@@ -144,13 +144,13 @@ SurfacePoint TexelSampler::at(glm::vec2 u) const {
   return facets_[std::size_t(chosen - fragments)].at(insideTriangle(chosen->bary0 + at.x * chosen->baryX + at.y * chosen->baryY));
 }
 
-TexelMap::TexelMap(const Scene& scene, const Charts& charts, int width, int height)
-    : scene_(scene), charts_(charts), width_(width), height_(height) {
+TexelMap::TexelMap(const Scene& scene, const Charts& charts, int side, int maps)
+    : scene_(scene), charts_(charts), width_(side), height_(side * maps) {
   // Two passes over the triangles: count, then place. Triangles of a tile stay in order of their number.
   const auto forTiles = [&](auto&& f) {
     for (std::uint32_t t = 0; t < scene_.triangles.size(); ++t) {
       if (charts_.chartOf[t] == kNone) continue;
-      const MapTriangle m = mapTriangle(scene_, t, width_, height_);
+      const MapTriangle m = mapTriangle(scene_, t, width_);
       const glm::dvec2 size(width_, height_);
       const glm::dvec2 lo = glm::clamp(m.lo - double(kApron), glm::dvec2(0.0), size),
                        hi = glm::clamp(m.hi + double(kApron), glm::dvec2(0.0), size);
@@ -184,7 +184,7 @@ TexelTile TexelMap::texels(std::size_t tileIndex) const {
   Polygon2 row, cell;
   for (std::uint32_t i = first_[tileIndex]; i < first_[tileIndex + 1]; ++i) {
     const std::uint32_t t = triangles_[i];
-    const MapTriangle m = mapTriangle(scene_, t, width_, height_);
+    const MapTriangle m = mapTriangle(scene_, t, width_);
     const int x0 = std::max({int(std::floor(m.lo.x)), tile.x0 - kApron, 0}),
               x1 = std::min({int(std::floor(m.hi.x)), tile.x0 + tile.width - 1 + kApron, width_ - 1});
     const int y0 = std::max({int(std::floor(m.lo.y)), tile.y0 - kApron, 0}),

@@ -76,10 +76,10 @@ class TexelSampler {
   std::vector<Facet> facets_;  // one a fragment
 };
 
-/// All texels of one map.
+/// All texels of a level's square maps, which lie one below the other.
 class TexelMap {
  public:
-  TexelMap(const Scene&, const Charts&, int width, int height);
+  TexelMap(const Scene&, const Charts&, int side, int maps = 1);
   int width() const { return width_; }
   int height() const { return height_; }
   int tilesX() const { return (width_ + kTile - 1) / kTile; }

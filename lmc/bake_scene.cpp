@@ -72,7 +72,7 @@ Baked bakeScene(const Scene& scene, const BakeSceneOptions& o) {
   Baked out;
   withThreads(run, [&] {
     const Charts charts = findCharts(scene, o.side, run);
-    const TexelMap texels(scene, charts, o.side, o.side);
+    const TexelMap texels(scene, charts, o.side);
     const Tracer tracer(scene);
     const DirectLight direct(scene, tracer, true);
     out.map = startMap(scene, texels, run);

@@ -34,11 +34,12 @@ std::uint64_t bytes(const std::vector<T>& v) {
 
 double squaresFor(double goal) { return kSquaresAtTwoPercent * 0.02 / goal; }
 
-MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, bool bounce, std::uint64_t machine_bytes) {
-  std::uint64_t level = bytes(scene.positions_m) + bytes(scene.normals) + bytes(scene.uv0) + bytes(scene.uv1) + bytes(scene.colors) +
-                        bytes(scene.triangles) + bytes(scene.triangleObject) + kTriangle * scene.triangles.size();
+MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int maps, bool bounce, std::uint64_t machine_bytes) {
+  std::uint64_t level = bytes(scene.positions_m) + bytes(scene.normals) + bytes(scene.uv0) + bytes(scene.uv1) + bytes(scene.mapUv) +
+                        bytes(scene.sourceVertex) + bytes(scene.colors) + bytes(scene.triangles) + bytes(scene.triangleObject) +
+                        kTriangle * scene.triangles.size();
   for (const auto& image : scene.images) level += 4 * std::uint64_t(image.width) * std::uint64_t(image.height);
-  const std::uint64_t texels = std::uint64_t(side) * std::uint64_t(side);
+  const std::uint64_t texels = std::uint64_t(side) * std::uint64_t(side) * std::uint64_t(maps);
   std::uint64_t patches = 0;
   if (bounce && !scene.triangles.empty()) {
     double squares = squaresFor(o.goal);

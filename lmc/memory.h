@@ -17,7 +17,7 @@ struct MemoryPlan {
 double squaresFor(double goal);
 
 /// `side`: of the map [texels]; `bounce`: whether patches are made.
-MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, bool bounce, std::uint64_t machine_bytes);
+MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, int maps, bool bounce, std::uint64_t machine_bytes);
 
 /// "512M": K, M, G, T are powers of 1024, without one it is bytes. nullopt when it is no size of at least 1 byte.
 std::optional<std::uint64_t> bytesOf(std::string_view text);

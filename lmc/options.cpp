@@ -74,6 +74,37 @@ PartitionOptions partitionOf(const std::string& text) {
   }
 }
 
+const std::map<std::string, UvMode> kUvModes{{"keep", UvMode::Keep}, {"repair", UvMode::Repair}, {"new", UvMode::New}};
+
+void addUvOptions(CLI::App* app, UvOptions& o) {
+  app->add_option_function<std::string>(
+         "--uv", [&o](const std::string& t) { o.mode = kUvModes.at(t); },
+         "keep (TEXCOORD_1 as it is; faults are errors), repair (keep what is sound, place or make anew what is not; the default) or new "
+         "(make all)")
+      ->check(CLI::IsMember({"keep", "repair", "new"}))
+      ->type_name("MODE");
+  app->add_option(
+         "--map-size", o.mapSize,
+         "side of a light map in texels [default: the level's lightmap.resolution, else from the density]; new UVs fill one map of "
+         "it unless a density is given")
+      ->check(CLI::Range(4, 16384));
+  app->add_option("--texels-per-metre", o.texelsPerMetre,
+                  "density when no size is given, and of new UVs [default: the level's, else 16 and a map of at least 256 x 256]")
+      ->check(CLI::Range(1e-6, 1e6));
+  app->add_option("--padding", o.padding, "texels between charts of new UVs; 2 keep bilinear look-ups apart, 4 one mip level more")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 64));
+  app->add_option("--max-maps", o.maxMaps, "light maps at most, for new UVs")->capture_default_str()->check(CLI::Range(1, 1024));
+}
+
+void addInputLimits(CLI::App* app, LoadLimits& o) {
+  app->add_option("--max-texture-pixels", o.maxTexturePixels, "largest picture read")->capture_default_str();
+  app->add_option("--max-input-bytes", o.maxInputBytes, "of all files of a level together")->capture_default_str();
+  app->add_option("--max-json-depth", o.maxJsonDepth, "nesting of the level's JSON")->capture_default_str();
+  app->add_option("--max-nodes", o.maxNodes, "nodes of a level")->capture_default_str();
+  app->add_option("--max-instances", o.maxInstances, "instances of meshes, EXT_mesh_gpu_instancing included")->capture_default_str();
+}
+
 void addLevelOptions(CLI::App* app, BakeOptions& o) {
   app->add_option("LEVEL", o.level, "level to read, .glb or .gltf")->required();
   app->add_option_function<std::string>(
@@ -108,11 +139,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "--bounce-tail", [&o](const std::string& t) { o.bounceTail = shareOf(t, "--bounce-tail"); },
          "end the passes when the light still to be sent can add no more than this share [default: a twentieth of the error asked for]")
       ->type_name("SHARE");
-  app->add_option("--map-size", o.mapSize,
-                  "side of the light map in texels [default: the level's lightmap.resolution, else from the density]")
-      ->check(CLI::Range(4, 16384));
-  app->add_option("--texels-per-metre", o.texelsPerMetre, "density when no size is given [default: the level's, else 16]")
-      ->check(CLI::Range(1e-6, 1e6));
+  addUvOptions(app, o.uv);
   app->add_option_function<std::string>(
          "--sky",
          [&o](const std::string& t) {
@@ -155,11 +182,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->type_name("LIST");
   app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
-  app->add_option("--max-texture-pixels", o.limits.maxTexturePixels, "largest picture read")->capture_default_str();
-  app->add_option("--max-input-bytes", o.limits.maxInputBytes, "of all files of a level together")->capture_default_str();
-  app->add_option("--max-json-depth", o.limits.maxJsonDepth, "nesting of the level's JSON")->capture_default_str();
-  app->add_option("--max-nodes", o.limits.maxNodes, "nodes of a level")->capture_default_str();
-  app->add_option("--max-instances", o.limits.maxInstances, "instances of meshes, EXT_mesh_gpu_instancing included")->capture_default_str();
+  addInputLimits(app, o.limits);
 }
 
 constexpr const char* kExitCodes =

@@ -8,6 +8,7 @@
 
 #include "libradiosity/partition.h"
 #include "libscene/level.h"
+#include "libscene/unwrap.h"
 
 namespace lmc {
 
@@ -29,9 +30,8 @@ struct BakeOptions {
   bool interpolate = true;              ///< gather fewer texels where light is smooth
   std::uint64_t maxLinks = 40'000'000;  ///< of the hierarchical solver
   PartitionOptions partition;           ///< of the hierarchical solver
-  int mapSize = 0;                      ///< 0 = the level's own, else from the density
-  double texelsPerMetre = 0.0;          ///< 0 = the level's own, else 16
-  std::optional<Rgb> sky;               ///< replaces the level's; black = none
+  UvOptions uv;
+  std::optional<Rgb> sky;  ///< replaces the level's; black = none
   std::uint64_t seed = 1;
   std::uint64_t memory_bytes = 0;  ///< limit; 0 = what the machine has. Never changes a result
   int threads = 0;

@@ -16,7 +16,7 @@ namespace {
 constexpr int kPadding = 4;  // texels around charts that repeat the nearest covered one: bilinear and two mip levels stay inside
 
 /// For every texel the covered one whose value it shows: itself, the nearest within kPadding (the lower number where two tie), or kNone.
-std::vector<std::uint32_t> shownTexel(const LightMap& map) {
+std::vector<std::uint32_t> shownTexel(const LightMap& map, int side) {
   std::vector<std::uint32_t> from(map.size(), kNone);
   for (int y = 0; y < map.height; ++y)
     for (int x = 0; x < map.width; ++x) {
@@ -26,7 +26,7 @@ std::vector<std::uint32_t> shownTexel(const LightMap& map) {
         continue;
       }
       int best = kPadding * kPadding + 1;
-      for (int v = std::max(0, y - kPadding); v <= std::min(map.height - 1, y + kPadding); ++v)
+      for (int v = std::max(y / side * side, y - kPadding); v <= std::min(y / side * side + side - 1, y + kPadding); ++v)
         for (int u = std::max(0, x - kPadding); u <= std::min(map.width - 1, x + kPadding); ++u) {
           const std::size_t k = std::size_t(v) * std::size_t(map.width) + std::size_t(u);
           const int d2 = (u - x) * (u - x) + (v - y) * (v - y);
@@ -39,19 +39,21 @@ std::vector<std::uint32_t> shownTexel(const LightMap& map) {
   return from;
 }
 
-void writeMap(OutputFile& file, const Bake& b) {
-  const std::vector<std::uint32_t> from = shownTexel(b.map);
-  const std::size_t n = b.map.size();
-  const float unit = 1.0f / b.scale;
+/// Map `k` of the stack.
+void writeMap(OutputFile& file, const Bake& b, const std::vector<std::uint32_t>& from, int k) {
+  const auto side = std::size_t(b.uv.side);
+  const std::size_t first = std::size_t(k) * side * side, n = side * side;
+  const float scale = b.scales[std::size_t(k)], unit = 1.0f / scale;
   std::vector<Rgb> total(n, Rgb(0.0f)), direct = total, indirect = total, error = total;
   std::vector<float> covered(n);
   for (std::size_t i = 0; i < n; ++i) {
-    covered[i] = b.map.chart[i] != kNone ? 1.0f : 0.0f;
-    if (from[i] == kNone) continue;
-    direct[i] = unit * b.values.direct[from[i]];
-    indirect[i] = unit * b.values.indirect[from[i]];
+    covered[i] = b.map.chart[first + i] != kNone ? 1.0f : 0.0f;
+    const std::uint32_t shown = from[first + i];
+    if (shown == kNone) continue;
+    direct[i] = unit * b.values.direct[shown];
+    indirect[i] = unit * b.values.indirect[shown];
     total[i] = direct[i] + indirect[i];
-    error[i] = unit * b.values.error[from[i]];
+    error[i] = unit * b.values.error[shown];
   }
   std::vector<ExrChannel> channels{{"A", covered.data(), 1}};
   const auto add = [&](const std::string& layer, const std::vector<Rgb>& v) {
@@ -63,7 +65,20 @@ void writeMap(OutputFile& file, const Bake& b) {
   add("direct.", direct);
   add("indirect.", indirect);
   add("stderr.", error);
-  writeExr(file, b.map.width, b.map.height, channels, {{"lmcScale", b.scale}});
+  writeExr(file, b.uv.side, b.uv.side, channels, {{"lmcScale", scale}});
+}
+
+/// Where each node has its light: the input's node, and the instance where it is drawn more than once.
+nlohmann::ordered_json nodesOf(const Bake& b) {
+  auto nodes = nlohmann::ordered_json::array();
+  std::map<std::pair<std::uint32_t, std::uint32_t>, const Object*> marked;
+  for (const Object& o : b.scene.objects)
+    if (o.receive && o.triangleCount > 0) marked.emplace(std::pair(o.node, o.instance), &o);
+  for (const auto& [key, object] : marked) {
+    nodes.push_back({{"node", key.first}, {"name", object->name}, {"map", object->map}, {"texCoord", object->texCoord}});
+    if (key.second > 0 || marked.contains({key.first, 1})) nodes.back()["instance"] = key.second;
+  }
+  return nodes;
 }
 
 std::string escapedForMake(const std::string& path) {
@@ -78,29 +93,37 @@ std::string escapedForMake(const std::string& path) {
 
 }  // namespace
 
+std::vector<std::string> mapNames(const Bake& b) {
+  if (b.uv.maps == 1) return {"lightmap.exr"};
+  std::vector<std::string> out;
+  for (int k = 0; k < b.uv.maps; ++k) out.push_back(fmt::format("lightmap.{:03}.exr", k));
+  return out;
+}
+
 void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& report) {
   using Json = nlohmann::ordered_json;
-  Json files = Json::array();
-  const auto listed = [&](const char* name, OutputFile& file) {
+  Json files = Json::array(), maps = Json::array();
+  const auto listed = [&](const std::string& name, OutputFile& file) {
     files.push_back({{"name", name}, {"bytes", file.size()}, {"xxh3", file.hash()}});
   };
 
-  OutputFile& map = set.open("lightmap.exr");
-  writeMap(map, b);
-  listed("lightmap.exr", map);
-
-  std::vector<NodeMap> marks;
-  Json nodes = Json::array();
-  std::map<std::uint32_t, const Object*> marked;
-  for (const Object& o : b.scene.objects)
-    if (o.receive && o.triangleCount > 0) marked.emplace(o.node, &o);
-  for (const auto& [node, object] : marked) {
-    marks.push_back({node, "lightmap.exr", double(b.scale), 1});
-    nodes.push_back({{"node", node}, {"name", object->name}, {"map", 0}, {"texCoord", 1}});
+  LevelMarks marks;
+  const std::vector<std::uint32_t> from = shownTexel(b.map, b.uv.side);
+  const std::vector<std::string> names = mapNames(b);
+  for (int k = 0; k < b.uv.maps; ++k) {
+    const std::string& name = names[std::size_t(k)];
+    OutputFile& map = set.open(name);
+    writeMap(map, b, from, k);
+    listed(name, map);
+    const double scale = b.scales[std::size_t(k)];
+    maps.push_back({{"file", name}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", scale}, {"padding", kPadding}});
+    marks.maps.push_back({name, scale});
   }
-  std::vector<std::uint32_t> bakedLights;
-  for (const Light& l : b.scene.lights) bakedLights.push_back(l.node);
-  const std::vector<std::uint8_t> level = levelWithMaps(b.options.level, b.options.limits, marks, bakedLights);
+
+  for (const Light& l : b.scene.lights) marks.bakedLightNodes.push_back(l.node);
+  marks.newUvs = b.uv.changed();
+  marks.side = b.uv.side;
+  const std::vector<std::uint8_t> level = levelWithMaps(b.options.level, b.options.limits, b.scene, marks);
   OutputFile& glb = set.open("level.glb");
   glb.write(level.data(), level.size());
   listed("level.glb", glb);
@@ -112,13 +135,8 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   sidecar["schema"] = "lmc-sidecar/1";
   sidecar["unit"] = "lx";
   sidecar["space"] = "linear Rec. 709";
-  sidecar["maps"] = Json::array({{{"file", "lightmap.exr"},
-                                  {"width", b.map.width},
-                                  {"height", b.map.height},
-                                  {"scale", b.scale},
-                                  {"texCoord", 1},
-                                  {"padding", kPadding}}});
-  sidecar["nodes"] = nodes;
+  sidecar["maps"] = maps;
+  sidecar["nodes"] = nodesOf(b);
   sidecar["files"] = files;
   set.open("level.lmc.json").write(sidecar.dump(2) + "\n");
 }
@@ -131,8 +149,10 @@ std::string depfileText(const Bake& b) {
 
 void refuseToOverwriteInputs(const Bake& b) {
   std::vector<std::filesystem::path> outputs;
-  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png"})
+  for (const char* name : {"level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png"})
     outputs.push_back(b.options.out / name);
+  outputs.push_back(b.options.out / "lightmap.exr");
+  for (int k = 0; k < b.options.uv.maxMaps; ++k) outputs.push_back(b.options.out / fmt::format("lightmap.{:03}.exr", k));
   if (!b.options.depfile.empty()) outputs.push_back(b.options.depfile);
   std::error_code missing;
   for (const auto& input : b.scene.inputs)

@@ -7,8 +7,11 @@
 
 namespace lmc {
 
-/// Opens and fills lightmap.exr, level.glb, what --dump asks for, report.json and level.lmc.json in this order (the sidecar vouches for the
-/// rest by size and hash, and is renamed last). commit() is left to the caller.
+/// File names of the light maps, in order.
+std::vector<std::string> mapNames(const Bake&);
+
+/// Opens and fills the light maps, level.glb, what --dump asks for, report.json and level.lmc.json in this order (the sidecar vouches for
+/// the rest by size and hash, and is renamed last). commit() is left to the caller.
 void writeOutputs(OutputSet&, const Bake&, const nlohmann::ordered_json& report);
 
 /// A Make rule: the sidecar depends on every input.

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "libscene/tracer.h"
+#include "lmc/outputs.h"
 
 namespace lmc {
 
@@ -28,6 +29,25 @@ Json linksOf(const Bake& b) {
           {"last_change", b.linkError}, {"partition", rules}};
 }
 }  // namespace
+
+Json uvOf(const UvLayout& uv, const Scene& scene) {
+  constexpr const char* kFates[] = {"none", "kept", "repaired", "made"};
+  Json objects = Json::array();
+  for (std::size_t i = 0; i < uv.objects.size(); ++i) {
+    const ObjectUv& u = uv.objects[i];
+    if (u.fate == ObjectUv::Fate::None) continue;
+    const Object& o = scene.objects[i];
+    Json object = {{"object", o.path},       {"uv", kFates[std::size_t(u.fate)]},    {"map", o.map},
+                   {"texCoord", o.texCoord}, {"triangles", o.triangleCount},         {"area_m2", u.area_m2},
+                   {"texels", u.texels},     {"texels_per_metre", u.texelsPerMetre}, {"stretch", u.stretch}};
+    if (u.charts > 0) object["charts"] = u.charts;
+    if (!u.because.empty()) object["because"] = u.because;
+    objects.push_back(std::move(object));
+  }
+  return {
+      {"side", uv.side},   {"maps", uv.maps}, {"efficiency", uv.efficiency}, {"charts_placed", uv.charts}, {"mean_stretch", uv.meanStretch},
+      {"objects", objects}};
+}
 
 Json planOf(const Plan& plan) {
   Json steps = Json::array();
@@ -63,7 +83,10 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     hi = std::max(hi, double(strength(v)));
   }
   r["illuminance"] = {{"unit", "lx"}, {"mean", rgb(mean)}, {"min", e.texels > 0 ? lo : 0.0}, {"max", hi}};
-  r["maps"] = Json::array({{{"file", "lightmap.exr"}, {"width", b.map.width}, {"height", b.map.height}, {"scale", b.scale}}});
+  r["maps"] = Json::array();
+  for (std::size_t k = 0; k < b.scales.size(); ++k)
+    r["maps"].push_back({{"file", mapNames(b)[k]}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", b.scales[k]}});
+  r["uv"] = uvOf(b.uv, b.scene);
   r["texels"] = {{"covered", e.texels}, {"gathered", e.gathered}, {"all", b.map.size()}};
   std::uint64_t twoSided = 0;
   for (const Object& o : b.scene.objects) twoSided += o.receive && b.scene.materials[o.material].doubleSided ? o.triangleCount : 0;

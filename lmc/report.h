@@ -12,6 +12,8 @@ struct Spoken {
 
 /// report.json: plan, error, time and rays per stage, memory. The one output that holds times.
 nlohmann::ordered_json reportOf(const Bake&, const Spoken&, bool goalMet);
+/// Of light-map UVs, object by object.
+nlohmann::ordered_json uvOf(const UvLayout&, const Scene&);
 nlohmann::ordered_json planOf(const Plan&);
 
 }  // namespace lmc

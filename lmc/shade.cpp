@@ -96,10 +96,16 @@ Exit shade(const ShadeOptions& options) {
       throw Error(Exit::Broken, options.out / name, "", "is not the file that the sidecar speaks of: bake again", "LMC_HASH");
   }
   const Scene scene = loadLevel(options.out / "level.glb", {}, run);
-  Map map{readExr(options.out / "lightmap.exr"), 1.0f};
-  if (!map.image.channels.contains("R") || !map.image.channels.contains("G") || !map.image.channels.contains("B"))
-    throw Error(Exit::Broken, options.out / "lightmap.exr", "", "has no channels R, G, B");
-  if (const auto s = map.image.attributes.find("lmcScale"); s != map.image.attributes.end()) map.scale = s->second;
+  std::vector<Map> maps;
+  for (const auto& m : sidecar.value("maps", nlohmann::json::array())) {
+    const std::filesystem::path file = options.out / m.value("file", std::string());
+    Map& map = maps.emplace_back(Map{readExr(file), 1.0f});
+    if (!map.image.channels.contains("R") || !map.image.channels.contains("G") || !map.image.channels.contains("B"))
+      throw Error(Exit::Broken, file, "", "has no channels R, G, B");
+    if (const auto s = map.image.attributes.find("lmcScale"); s != map.image.attributes.end()) map.scale = s->second;
+  }
+  for (const Object& o : scene.objects)
+    if (o.map >= maps.size()) throw Error(Exit::Broken, options.out / "level.lmc.json", "/maps", "lacks a map that the level names");
 
   const Camera camera = cameraOf(scene, options.camera);
   const Tracer tracer(scene);
@@ -128,8 +134,9 @@ Exit shade(const ShadeOptions& options) {
           if (!hit.front && !scene.materialOf(hit.triangle).doubleSided) continue;
           const glm::uvec3 t = scene.triangles[hit.triangle];
           const glm::vec2 uv =
-              (1.0f - hit.bary.x - hit.bary.y) * scene.uv1[t.x] + hit.bary.x * scene.uv1[t.y] + hit.bary.y * scene.uv1[t.z];
-          if (scene.objectOf(hit.triangle).receive) sum += glm::dvec3(reflectanceAt(scene, hit.triangle, hit.bary) * map.at(uv)) / kPi;
+              (1.0f - hit.bary.x - hit.bary.y) * scene.mapUv[t.x] + hit.bary.x * scene.mapUv[t.y] + hit.bary.y * scene.mapUv[t.z];
+          if (scene.objectOf(hit.triangle).receive)
+            sum += glm::dvec3(reflectanceAt(scene, hit.triangle, hit.bary) * maps[scene.objectOf(hit.triangle).map].at(uv)) / kPi;
           sum += glm::dvec3(emissionAt(scene, hit.triangle, hit.bary));
         }
         radiance.at(x, y) = sum / double(kSamples);

@@ -16,7 +16,6 @@ namespace lmc {
 
 namespace {
 
-constexpr double kDefaultTexelsPerMetre = 16.0;
 // Patches are that much larger where direct light and albedo are even, and halved so often where they are not: half of the number, and the
 // same error, of patches of one size.
 constexpr double kCoarsePatch = 2.0;
@@ -64,35 +63,51 @@ void warnOfLostCharts(const Bake& b) {
   b.run.warn({{},
               b.scene.file.string(),
               fmt::format("/meshes/{}/primitives/{}/attributes/TEXCOORD_1", o.mesh, o.primitive),
-              fmt::format("{} light-map charts are too small to get a texel of a map of {} x {}; the first is of object '{}'", lost, b.side,
-                          b.side, o.path),
+              fmt::format("{} light-map charts are too small to get a texel of a map of {} x {}; the first is of object '{}'", lost,
+                          b.uv.side, b.uv.side, o.path),
               "LMC_UV_TINY"});
 }
 
 }  // namespace
 
+void reportUvs(const Bake& b) {
+  const auto say = [&](ObjectUv::Fate fate, const char* what) {
+    const auto is = [&](const ObjectUv& u) { return u.fate == fate; };
+    const auto n = std::ranges::count_if(b.uv.objects, is);
+    if (n == 0) return;
+    const auto first = std::ranges::find_if(b.uv.objects, is);
+    b.run.note({{},
+                b.scene.file.string(),
+                "",
+                fmt::format("light-map UVs of {} objects {}; the first: {}", n, what, first->because),
+                "LMC_UV_NEW"});
+  };
+  say(ObjectUv::Fate::Repaired, "are placed anew");
+  say(ObjectUv::Fate::Made, "are made");
+}
+
 void charts(Bake& b) {
-  const double density = b.options.texelsPerMetre > 0.0 ? b.options.texelsPerMetre
-                         : b.scene.texelsPerMetre > 0.0 ? b.scene.texelsPerMetre
-                                                        : kDefaultTexelsPerMetre;
-  const int known =
-      b.options.texelsPerMetre > 0.0 ? 0 : b.scene.mapResolution;  // a density that was asked for goes before the level's size
-  b.side = mapSide(b.scene, b.options.mapSize > 0 ? b.options.mapSize : known, density);
-  if (b.side > kLargestMap)
+  b.uv = layOut(b.scene, b.options.uv, b.run);
+  const int side = b.uv.side;
+  if (side > kLargestMap)
     throw Error(Exit::Limit, b.scene.file, "/scenes/0/extras/lmc/lightmap/resolution",
-                fmt::format("a map of {} x {} is above the limit of {}", b.side, b.side, kLargestMap), "LMC_MAP_SIZE");
-  b.memory = planMemory(b.scene, b.options, b.side, b.plan.runs(Effect::Bounce), memoryBytes());
+                fmt::format("a map of {} x {} is above the limit of {}", side, side, kLargestMap), "LMC_MAP_SIZE");
+  reportUvs(b);
+  b.memory = planMemory(b.scene, b.options, side, b.uv.maps, b.plan.runs(Effect::Bounce), memoryBytes());
   if (b.memory.least_bytes > b.memory.limit_bytes)
-    throw Error(Exit::Limit, b.scene.file, "",
-                fmt::format("a map of {} x {} takes --memory {} at least, and {} {}", b.side, b.side, sizeText(b.memory.least_bytes),
-                            b.options.memory_bytes > 0 ? "the limit is" : "this machine has", sizeText(b.memory.limit_bytes)),
-                "LMC_MEMORY");
-  b.charts = findCharts(b.scene, b.side, b.run);
-  b.texels = std::make_unique<TexelMap>(b.scene, b.charts, b.side, b.side);
+    throw Error(
+        Exit::Limit, b.scene.file, "",
+        fmt::format("{} of {} x {} {} --memory {} at least, and {} {}", b.uv.maps == 1 ? "a map" : fmt::format("{} maps", b.uv.maps), side,
+                    side, b.uv.maps == 1 ? "takes" : "take", sizeText(b.memory.least_bytes),
+                    b.options.memory_bytes > 0 ? "the limit is" : "this machine has", sizeText(b.memory.limit_bytes)),
+        "LMC_MEMORY");
+  b.charts = findCharts(b.scene, side, b.run);
+  b.texels = std::make_unique<TexelMap>(b.scene, b.charts, side, b.uv.maps);
   b.map = startMap(b.scene, *b.texels, b.run);
   warnOfLostCharts(b);
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
-  b.summary = fmt::format("{} x {} map, {} charts, {} texels covered", b.side, b.side, b.charts.count, covered);
+  b.summary = fmt::format("{}{} x {}, {} charts, {} texels covered", b.uv.maps == 1 ? "" : fmt::format("{} maps of ", b.uv.maps), side,
+                          side, b.charts.count, covered);
 }
 
 void trace(Bake& b) {
@@ -348,7 +363,7 @@ void finish(Bake& b) {
     b.map.sky[h] = {};
   }
   b.map.coarse = b.map.variance = {};
-  float largest = 0.0f;
+  std::vector<float> largest(std::size_t(b.uv.maps), 0.0f);
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     const Rgb e = b.values.direct[i] + b.values.indirect[i];
     if (!std::isfinite(e.r + e.g + e.b) || !std::isfinite(b.values.error[i].r + b.values.error[i].g + b.values.error[i].b))
@@ -356,9 +371,13 @@ void finish(Bake& b) {
                   fmt::format("texel ({}, {}) of the map is not finite (object '{}')", i % std::size_t(b.map.width),
                               i / std::size_t(b.map.width), b.scene.objects[b.map.object[i]].path),
                   "LMC_NOT_FINITE");
-    largest = std::max({largest, strength(e), strength(b.values.error[i])});
+    float& most = largest[i / (b.map.size() / largest.size())];
+    most = std::max({most, strength(e), strength(b.values.error[i])});
   }
-  while (largest / b.scale > 32768.0f) b.scale *= 2.0f;
+  for (const float most : largest) {
+    b.scales.push_back(1.0f);
+    while (most / b.scales.back() > 32768.0f) b.scales.back() *= 2.0f;
+  }
   b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate,
                           100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
 }

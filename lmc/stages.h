@@ -7,6 +7,7 @@
 #include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
 #include "libradiosity/solve_stored.h"
+#include "libscene/unwrap.h"
 #include "lmc/memory.h"
 #include "lmc/plan.h"
 #include "lmc/progress.h"
@@ -22,7 +23,7 @@ struct Bake {
   Scene scene;  // load
   Facts facts;  // plan
   Plan plan;
-  int side = 0;  // charts: of the map [texels]
+  UvLayout uv;  // charts
   MemoryPlan memory;
   Charts charts;
   std::unique_ptr<TexelMap> texels;
@@ -44,7 +45,7 @@ struct Bake {
   std::unique_ptr<Field> field;
   LightMapValues values;  // finish
   ErrorLedger ledger;
-  float scale = 1.0f;  ///< E = stored value * scale
+  std::vector<float> scales;  ///< one a map: E = stored value * scale
 
   std::string summary;  ///< of the stage that runs, for the log
   double tail() const { return std::max(solutions[0].tail, solutions[1].tail) + clampedAway; }

@@ -173,7 +173,7 @@ TEST(ErrorLedger, EstimateAgreesWithTheSpreadOverSeeds) {
   const test::Baked a = bakeScene(scene, {.goal = 0.04});
   Scene other = scene;
   // Charts moved by one texel: the same texels at other addresses, and so other random numbers.
-  for (auto& uv : other.uv1) uv += glm::vec2(1.0f / 64.0f, 0.0f);
+  for (auto& uv : other.mapUv) uv += glm::vec2(1.0f / 64.0f, 0.0f);
   const test::Baked b = bakeScene(other, {.goal = 0.04});
   double sum = 0.0, n = 0.0;
   for (int y = 0; y < 64; ++y)

@@ -261,7 +261,7 @@ TEST(LightTree, ThousandsOfPanelsTakeAtMostThreeTimesTheRaysOfTenWithinTheGoal) 
     const Scene scene = panelled(nx, nz);
     const lmc::Run run;
     const Charts charts = findCharts(scene, 512, run);
-    const TexelMap texels(scene, charts, 512, 512);
+    const TexelMap texels(scene, charts, 512);
     const Tracer tracer(scene);
     const DirectLight direct(scene, tracer, true);
     LightMap map = startMap(scene, texels, run);
@@ -294,7 +294,7 @@ TEST(LightTree, HallOf200LampsIsBakedWithinItsStatedError) {
   // Every lamp asked at 128 places of every 13th texel: error about 128^-0.75 of a part's contrast, well below what is stated.
   const lmc::Run run;
   const Charts charts = findCharts(s.scene, 96, run);
-  const TexelMap texels(s.scene, charts, 96, 96);
+  const TexelMap texels(s.scene, charts, 96);
   const Tracer tracer(s.scene);
   const DirectLight direct(s.scene, tracer, true);
   double squares = 0.0, bias = 0.0, mean = 0.0, n = 0.0;

@@ -18,7 +18,7 @@ struct Map {
   Map(Scene s, int side, bool interpolate = true)
       : scene(std::move(s)),
         charts(findCharts(scene, side, run)),
-        texels(scene, charts, side, side),
+        texels(scene, charts, side),
         tracer(scene),
         map(startMap(scene, texels, run)),
         cells({side, side, map.chart.data()}, scene, texels, tracer, interpolate, run) {}
@@ -190,7 +190,7 @@ TEST(MapCells, WhatStandsBetweenCornersIsFound) {
       s.quad({0, 0, 4}, {4, 0, 0}, {0, 0, -4}, white);
       s.quad({0.8f, 0, float(z)}, {2.5f, 0, 0}, {0, 1, 0}, white);
       s.scene.objects[1].receive = false;
-      s.scene.objects[1].hasUv1 = false;
+      s.scene.objects[1].inMap = false;
       const Map m(s.scene, 80);
       const auto zOf = [&](std::size_t i) { return 4.0 - (m.y(i) + 0.5 - 8.0) * texel_m; };
       const auto xOf = [&](std::size_t i) { return (m.x(i) + 0.5 - 8.0) * texel_m; };
@@ -211,7 +211,7 @@ TEST(MapCells, RectangularChartsStartWithoutLooseBorders) {
     test::SceneBuilder s(1);
     s.quad({0, 0, 4}, {4, 0, 0}, {0, 0, -4}, s.material(Rgb(0.5f)));
     // Borders that are borders of texels, without a rounding that touches one more row.
-    for (glm::vec2& uv : s.scene.uv1) uv = glm::vec2(uv.x < 0.5f ? 0.125f : 0.875f, uv.y < 0.5f ? 0.125f : 0.875f);
+    for (glm::vec2& uv : s.scene.mapUv) uv = glm::vec2(uv.x < 0.5f ? 0.125f : 0.875f, uv.y < 0.5f ? 0.125f : 0.875f);
     const Map m(s.scene, side);
     int x0 = side, x1 = 0, y0 = side, y1 = 0;
     for (std::size_t i = 0; i < m.map.size(); ++i)

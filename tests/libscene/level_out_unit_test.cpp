@@ -43,7 +43,7 @@ TEST(LevelOut, TheLevelComesBackWithItsMarks) {
   const Scene before = load(file), after = load(folder.write("out/level.glb", text(glb)));
   EXPECT_EQ(after.positions_m, before.positions_m);
   EXPECT_EQ(after.triangles, before.triangles);
-  EXPECT_EQ(after.uv1, before.uv1);
+  EXPECT_EQ(after.mapUv, before.mapUv);
   ASSERT_EQ(after.images.size(), 1u);
   EXPECT_EQ(after.images[0].pixels, before.images[0].pixels);
 }

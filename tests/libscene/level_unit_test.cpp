@@ -32,7 +32,7 @@ TEST(Level, ASquareComesOutAsItIs) {
   EXPECT_EQ(scene.extent_m, 0.5f);
   ASSERT_EQ(scene.objects.size(), 1u);
   EXPECT_EQ(scene.objects[0].path, "/floor");
-  EXPECT_TRUE(scene.objects[0].hasUv1);
+  EXPECT_TRUE(scene.objects[0].inMap);
   EXPECT_EQ(scene.inputs, (std::vector<std::filesystem::path>{file, folder.path() / "level.bin"}));
   EXPECT_TRUE(heard.noted("LMC_NO_LIGHT"));
 }

@@ -18,7 +18,7 @@ Scene chartAt(glm::vec2 lo, glm::vec2 hi, int side) {
   SceneBuilder b;
   b.quad({0, 0, 0}, {2, 0, 0}, {0, 0, -3}, b.material(Rgb(0.5f)));
   const glm::vec2 uv[4] = {lo, {hi.x, lo.y}, {lo.x, hi.y}, hi};  // SceneBuilder's order of vertices
-  for (int i = 0; i < 4; ++i) b.scene.uv1[std::size_t(i)] = uv[i] / float(side);
+  for (int i = 0; i < 4; ++i) b.scene.mapUv[std::size_t(i)] = uv[i] / float(side);
   return b.scene;
 }
 
@@ -27,7 +27,7 @@ TEST(Texels, CoverageIsExact) {
   const Scene scene = chartAt({10.25f, 20.5f}, {80.75f, 90.125f}, side);
   const Charts charts = findCharts(scene, side, {});
   EXPECT_EQ(charts.count, 1u);
-  const TexelMap map(scene, charts, side, side);
+  const TexelMap map(scene, charts, side);
   double covered = 0.0;
   for (std::size_t t = 0; t < map.tileCount(); ++t) {
     const TexelTile tile = map.texels(t);
@@ -47,7 +47,7 @@ TEST(Texels, SamplesStayInTheCoveredPartAndFillItEvenly) {
   const int side = 8;
   const Scene scene = chartAt({2.0f, 2.0f}, {5.5f, 5.25f}, side);
   const Charts charts = findCharts(scene, side, {});
-  const TexelMap map(scene, charts, side, side);
+  const TexelMap map(scene, charts, side);
   const TexelTile tile = map.texels(0);
   for (const auto& [x, y] : {std::pair(3, 3), std::pair(5, 3), std::pair(5, 5)}) {
     const Texel& t = tile.at(x, y);
@@ -76,7 +76,7 @@ TEST(Texels, ApronKnowsTheNeighbourTile) {
   const int side = 128;
   const Scene scene = chartAt({0.0f, 0.0f}, {128.0f, 128.0f}, side);
   const Charts charts = findCharts(scene, side, {});
-  const TexelMap map(scene, charts, side, side);
+  const TexelMap map(scene, charts, side);
   const TexelTile tile = map.texels(0);
   EXPECT_NEAR(tile.at(64, 10).coverage, 1.0, 1e-6);
   EXPECT_EQ(tile.at(-1, 10).coverage, 0.0f) << "outside the map";
@@ -89,12 +89,12 @@ TEST(Texels, TheChartThatCoversMoreHasTheTexel) {
   b.quad({5, 0, 0}, {1, 0, 0}, {0, 0, -1}, m);
   const glm::vec2 left[4] = {{1, 1}, {3.3f, 1}, {1, 3}, {3.3f, 3}}, right[4] = {{3.4f, 1}, {6, 1}, {3.4f, 3}, {6, 3}};
   for (std::size_t i = 0; i < 4; ++i) {
-    b.scene.uv1[i] = left[i] / 8.0f;
-    b.scene.uv1[4 + i] = right[i] / 8.0f;
+    b.scene.mapUv[i] = left[i] / 8.0f;
+    b.scene.mapUv[4 + i] = right[i] / 8.0f;
   }
   const Charts charts = findCharts(b.scene, 8, {});
   EXPECT_EQ(charts.count, 2u);
-  const TexelTile tile = TexelMap(b.scene, charts, 8, 8).texels(0);
+  const TexelTile tile = TexelMap(b.scene, charts, 8).texels(0);
   EXPECT_EQ(tile.at(3, 1).chart, charts.chartOf[2]);
   EXPECT_NEAR(tile.at(3, 1).coverage, 0.6, 1e-5);
 }
@@ -104,7 +104,7 @@ TEST(Charts, OverlapIsFoundAndNamed) {
   const auto m = b.material(Rgb(0.5f));
   b.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, m);
   b.quad({5, 0, 0}, {1, 0, 0}, {0, 0, -1}, m);
-  for (std::size_t i = 0; i < 4; ++i) b.scene.uv1[4 + i] = b.scene.uv1[i] + 0.1f;
+  for (std::size_t i = 0; i < 4; ++i) b.scene.mapUv[4 + i] = b.scene.mapUv[i] + 0.1f;
   try {
     findCharts(b.scene, 64, {});
     FAIL() << "not found";
@@ -121,21 +121,21 @@ TEST(Charts, TouchingIsNoOverlap) {
   const auto m = b.material(Rgb(0.5f));
   b.quad({0, 0, 0}, {1, 0, 0}, {0, 0, -1}, m, 7);  // 98 triangles that share edges
   b.quad({5, 0, 0}, {1, 0, 0}, {0, 0, -1}, m);
-  for (std::size_t i = 0; i < b.scene.uv1.size(); ++i) {
+  for (std::size_t i = 0; i < b.scene.mapUv.size(); ++i) {
     // The charts share the line u = 0.7, which no float power of two is on.
     const glm::vec2 inCell = b.scene.uv0[i];
-    b.scene.uv1[i] = i < 64 ? inCell * glm::vec2(0.7f, 0.9f) : glm::vec2(0.7f + 0.3f * inCell.x, inCell.y);
+    b.scene.mapUv[i] = i < 64 ? inCell * glm::vec2(0.7f, 0.9f) : glm::vec2(0.7f + 0.3f * inCell.x, inCell.y);
   }
   EXPECT_EQ(findCharts(b.scene, 4096, {}).count, 2u);
 }
 
 TEST(Charts, MissingAndOutsideUvsAreRefused) {
   Scene scene = chartAt({1, 1}, {3, 3}, 8);
-  scene.uv1[3].x = 1.2f;
+  scene.mapUv[3].x = 1.2f;
   EXPECT_THROW(findCharts(scene, 8, {}), Error);
-  scene.uv1[3].x = 1.0f + 1e-6f;  // rounding of an exporter
+  scene.mapUv[3].x = 1.0f + 1e-6f;  // rounding of an exporter
   EXPECT_NO_THROW(findCharts(scene, 8, {}));
-  scene.objects[0].hasUv1 = false;
+  scene.objects[0].inMap = false;
   try {
     findCharts(scene, 8, {});
     FAIL();
@@ -149,7 +149,7 @@ TEST(Charts, MissingAndOutsideUvsAreRefused) {
 TEST(Charts, MirroredChartsKeepTheFront) {
   Scene scene = chartAt({6, 1}, {2, 5}, 8);  // u runs backwards
   const Charts charts = findCharts(scene, 8, {});
-  const TexelTile tile = TexelMap(scene, charts, 8, 8).texels(0);
+  const TexelTile tile = TexelMap(scene, charts, 8).texels(0);
   const SurfacePoint p = TexelSampler(scene, tile, tile.at(5, 1)).at({0.5f, 0.5f});
   EXPECT_NEAR(p.position_m.x, 0.25, 1e-6);  // texel 5.5 is 1/8 of the way from 6 to 2, of 2 m
   EXPECT_NEAR(p.geometricNormal.y, 1.0, 1e-12);

@@ -1,0 +1,63 @@
+#pragma once
+/// A glTF file being changed: what is not touched goes out as it came in, unknown extensions, names and extras included.
+#include <cstdint>
+#include <filesystem>
+#include <glm/glm.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <vector>
+
+#include "libscene/level.h"
+
+namespace lmc {
+
+/// A primitive's vertices and triangles anew.
+struct NewVertices {
+  std::vector<std::uint32_t> source;  ///< for each new vertex the old one that it repeats
+  std::vector<glm::uvec3> triangles;  ///< into the new ones
+};
+
+class GltfEdit {
+ public:
+  using Json = nlohmann::ordered_json;
+
+  /// Reads and checks the file, and makes its buffers one. Throws Error as loadLevel does.
+  GltfEdit(const std::filesystem::path& level, const LoadLimits& limits);
+  ~GltfEdit();
+
+  Json& json();
+
+  /// Pictures that are files or data URIs become buffer views, so that the file stands alone; those that cannot be read stay what they are.
+  void embedImages();
+
+  /// Triangles of a primitive as vertices of its own: strips, fans and lists alike, those without area too. None for points and lines.
+  std::vector<glm::uvec3> triangles(std::uint32_t mesh, std::uint32_t primitive) const;
+  /// An attribute as floats, `components` a vertex; empty where the primitive has it not.
+  std::vector<float> attribute(std::uint32_t mesh, std::uint32_t primitive, const char* name, int components) const;
+
+  /// EXT_mesh_gpu_instancing of a node as nodes of their own, without a mesh: only the members translation, rotation, scale. Takes the
+  /// extension off the node. Empty where it has none.
+  std::vector<Json> expandInstances(std::uint32_t node);
+
+  /// A new accessor of floats for vertices; `components` 1 to 4 an element.
+  std::uint32_t addFloats(std::span<const float> values, int components);
+  /// A new accessor of triangles, in the smallest type that holds them.
+  std::uint32_t addTriangles(std::span<const glm::uvec3> triangles);
+  /// `primitive`, as it came in, with other vertices: every attribute and morph target follows them, in its own component type. The same
+  /// vertices for the same accessor are written once.
+  Json withVertices(const Json& primitive, const NewVertices& vertices);
+
+  /// Meshes, accessors and views that nothing has any more go, with their bytes. Does nothing where an extension is in use of which it is
+  /// not known what it points to.
+  void dropUnused();
+
+  /// One self-contained GLB. Throws Error Limit above 4 GiB.
+  std::vector<std::uint8_t> glb();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace lmc
