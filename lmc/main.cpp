@@ -10,6 +10,7 @@
 #include "lmc/bake.h"
 #include "lmc/compare.h"
 #include "lmc/shade.h"
+#include "lmc/tangents.h"
 #include "lmc/verify.h"
 
 namespace {
@@ -35,6 +36,7 @@ struct Perform {
   lmc::Exit operator()(const lmc::CompareOptions& o) const { return lmc::compare(o); }
   lmc::Exit operator()(const lmc::ShadeOptions& o) const { return lmc::shade(o); }
   lmc::Exit operator()(const lmc::VerifyOptions& o) const { return lmc::verify(o); }
+  lmc::Exit operator()(const lmc::TangentsOptions& o) const { return lmc::tangents(o); }
   lmc::Exit operator()(const lmc::ShowText& t) const {
     fmt::print("{}", t.text);
     return lmc::Exit::Done;

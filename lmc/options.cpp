@@ -185,6 +185,14 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
   addInputLimits(app, o.limits);
 }
 
+void addGreen(CLI::App* app, bool& down) {
+  app->add_option_function<std::string>(
+         "--green", [&down](const std::string& t) { down = t == "down"; }, "where green of a normal map points: up (glTF) or down (V)")
+      ->check(CLI::IsMember({"up", "down"}))
+      ->type_name("WAY")
+      ->default_str("up");
+}
+
 constexpr const char* kExitCodes =
     "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is "
     "not "
@@ -266,6 +274,16 @@ Command parseCommandLine(int argc, const char* const* argv) {
   verifyApp->add_option("--seed", verify.seed, "of all random numbers")->capture_default_str();
   verifyApp->add_option("-j,--threads", verify.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
+  TangentsOptions tangents;
+  CLI::App* tangentsApp = app.add_subcommand("tangents", "write tangents after MikkTSpace into a glTF file, where materials call for them");
+  tangentsApp->add_option("IN", tangents.in, "file to read, .glb or .gltf")->required();
+  tangentsApp->add_option("-o,--out", tangents.out, "GLB file to write")->required();
+  tangentsApp->add_flag("--regenerate", tangents.how.regenerate, "make those anew that the file has; else they are checked and kept");
+  tangentsApp->add_flag("--all", tangents.how.all, "also where no normal map calls for them, by TEXCOORD_0");
+  addGreen(tangentsApp, tangents.how.greenDown);
+  tangentsApp->add_flag("--json", tangents.json, "print the report as JSON");
+  tangentsApp->add_option("-j,--threads", tangents.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -286,6 +304,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
   if (*planApp) return plan;
   if (*compareApp) return compare;
   if (*verifyApp) return verify;
+  if (*tangentsApp) return tangents;
   return shade;
 }
 

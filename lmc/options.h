@@ -67,11 +67,25 @@ struct VerifyOptions {
   int threads = 0;
 };
 
+struct TangentOptions {
+  bool regenerate = false;  ///< tangents of the file go, else they stay
+  bool all = false;         ///< primitives whose material asks for none, too
+  bool greenDown = false;   ///< for normal maps whose green points along V: determinants turned about
+};
+
+struct TangentsOptions {
+  std::filesystem::path in, out;
+  TangentOptions how;
+  bool json = false;
+  int threads = 0;
+  LoadLimits limits;
+};
+
 struct ShowText {
   std::string text;  ///< help or version, for stdout
 };
 
-using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, ShowText>;
+using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, TangentsOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc
