@@ -84,8 +84,10 @@ def main():
                     if 'TANGENT' not in q['attributes']:
                         continue
                     for mine, theirs in zip(corners(doc, data, p, 'TANGENT'), corners(stored_doc, stored_data, q, 'TANGENT')):
-                        dot = sum(x * y for x, y in zip(mine[:3], theirs[:3])) / math.hypot(*theirs[:3])
-                        angles.append(math.degrees(math.acos(max(-1.0, min(1.0, dot)))))
+                        # Not by the cosine: 0.02 degrees off, it is 6e-8 below 1, less than the length of a float vector is off.
+                        m, t = mine[:3], theirs[:3]
+                        cross = [m[1] * t[2] - m[2] * t[1], m[2] * t[0] - m[0] * t[2], m[0] * t[1] - m[1] * t[0]]
+                        angles.append(math.degrees(math.atan2(math.hypot(*cross), sum(x * y for x, y in zip(m, t)))))
                         signs += mine[3] != theirs[3]
             angles.sort()
             print(f'{len(angles)} corners, p99 {angles[len(angles) * 99 // 100]:.4f} degrees, {signs} determinants differ')
