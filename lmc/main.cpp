@@ -9,6 +9,7 @@
 
 #include "lmc/bake.h"
 #include "lmc/compare.h"
+#include "lmc/normals.h"
 #include "lmc/shade.h"
 #include "lmc/tangents.h"
 #include "lmc/verify.h"
@@ -37,6 +38,7 @@ struct Perform {
   lmc::Exit operator()(const lmc::ShadeOptions& o) const { return lmc::shade(o); }
   lmc::Exit operator()(const lmc::VerifyOptions& o) const { return lmc::verify(o); }
   lmc::Exit operator()(const lmc::TangentsOptions& o) const { return lmc::tangents(o); }
+  lmc::Exit operator()(const lmc::NormalsOptions& o) const { return lmc::normals(o); }
   lmc::Exit operator()(const lmc::ShowText& t) const {
     fmt::print("{}", t.text);
     return lmc::Exit::Done;

@@ -173,10 +173,10 @@ class Adder {
     if (!uvs && !options_.all) return skip("no normal map, clearcoat normal map or anisotropy in its material");
     if (!uvs) uvs.emplace();
     const std::string set = fmt::format("TEXCOORD_{}", uvs->set);
-    report.uvs = uvs->isPlain() ? set : set + " transformed";
+    report.uvs = fmt::format("{}{}", set, uvs->isPlain() ? "" : " transformed");
     if (!attributes.contains("POSITION")) return skip("no POSITION");
     if (!attributes.contains("NORMAL")) return skip("no NORMAL: glTF wants flat ones then, and tangents ignored");
-    if (!attributes.contains(set)) return skip("no " + set);
+    if (!attributes.contains(set)) return skip(fmt::format("no {}", set));
     compute(report, primitive, set, *uvs);
     return report;
   }
