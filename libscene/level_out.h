@@ -2,6 +2,7 @@
 /// The level as it goes out: the input with its map UVs and marks, everything else of it kept.
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -15,11 +16,14 @@ struct MapFile {
   double scale = 1.0;  ///< E = texel * scale [lx]
 };
 
+class GltfEdit;
+
 /// What is written into a level.
 struct LevelMarks {
   std::vector<MapFile> maps;                   ///< by Object::map; empty = no light was baked
   std::vector<std::uint32_t> bakedLightNodes;  ///< get extras.lmc.baked = true
   bool newUvs = false;                         ///< map UVs are the scene's, no longer the file's
+  std::function<void(GltfEdit&)> more;         ///< what else is to be changed, last; may be empty
   int side = 0;                                ///< of the maps [texels]; with new UVs it becomes the level's lightmap.resolution
 };
 

@@ -19,7 +19,7 @@ glm::dvec3 directionOf(glm::dvec3 v) {
   return length > 0.0 ? v / length : glm::dvec3(0.0);
 }
 
-/// A unit vector orthogonal to the unit vector n, without a branch that could flip it: [Duff 2017], listing 3, first axis.
+/// A unit vector orthogonal to the unit vector n, without a branch that could flip it: [duff2017], listing 3, first axis.
 glm::dvec3 anyTangent(glm::dvec3 n) {
   const double sign = std::copysign(1.0, n.z), a = -1.0 / (sign + n.z), b = n.x * n.y * a;
   return {1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x};

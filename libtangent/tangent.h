@@ -1,6 +1,6 @@
 #pragma once
 /// Tangent space after MikkTSpace: a tangent and a determinant for every corner of every face. Knows GLM alone.
-/// Source: [MikkTSpace] of docs/references.md; docs/tangents.md has the algorithm as it is built here.
+/// Source: [mikktspace] of docs/references.md; docs/tangents.md has the algorithm as it is built here.
 ///
 ///   safe   compute():          for files. Every tangent finite, of unit length and orthogonal to its normal; what the reference leaves
 ///                              undefined is mended, counted and said.

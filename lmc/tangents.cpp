@@ -268,6 +268,16 @@ std::vector<PrimitiveTangents> addTangents(GltfEdit& edit, const TangentOptions&
   return out;
 }
 
+nlohmann::ordered_json summaryOf(const std::vector<PrimitiveTangents>& all) {
+  Json out;
+  for (const char* result : {"computed", "kept", "skipped"}) out[result] = std::ranges::count(all, result, &PrimitiveTangents::result);
+  std::size_t mended = 0;
+  for (const PrimitiveTangents& p : all) mended += sumOf(p);
+  out["mended_corners"] = mended;
+  out["green"] = "up";
+  return out;
+}
+
 Exit tangents(const TangentsOptions& options) {
   const Run run{options.threads, 1, {}, {}};
   GltfEdit edit(options.in, options.limits);

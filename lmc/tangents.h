@@ -28,6 +28,9 @@ struct PrimitiveTangents {
 /// it: tangents are in the mesh's space, as glTF has them. Throws Error.
 std::vector<PrimitiveTangents> addTangents(GltfEdit&, const TangentOptions&, const Run&);
 
+/// For the sidecar: how many primitives were computed, kept and skipped, how many corners mended, where green points.
+nlohmann::ordered_json summaryOf(const std::vector<PrimitiveTangents>&);
+
 /// The verb: reads, adds, writes one GLB, reports on stdout.
 Exit tangents(const TangentsOptions&);
 
