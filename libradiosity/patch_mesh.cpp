@@ -35,6 +35,7 @@ struct Traits : OpenMesh::DefaultTraits {
 using Mesh = OpenMesh::TriMesh_ArrayKernelT<Traits>;
 
 constexpr float kReflectanceSpread = 0.05f;  // of one group; steps of this size over a few patches leave the bounced light as it is
+constexpr double kSamePlace = 0x1p-21;       // of the level's extent, 4 ulp: one corner written by two meshes or two sides of a UV cut
 constexpr int kMaskSamples = 64;             // per leaf, for its share of holes
 
 bool reflects(const Scene& scene, std::uint32_t t) {
@@ -51,17 +52,18 @@ struct PositionHash {
   }
 };
 
-/// All reflecting triangles, welded by position; where that is not manifold a triangle keeps corners of its own.
-Mesh weld(const Scene& scene, std::vector<PatchMesh::Node>& nodes, std::uint64_t& unjoined) {
+/// Triangles, welded where `place` of their corners is the same; where that is not manifold a triangle keeps corners of its own. Faces have
+/// their triangle's number as their node's.
+template <class Wanted, class Place>
+Mesh weld(const Scene& scene, Wanted&& wanted, Place&& place, std::uint64_t& unjoined) {
   Mesh mesh;
   std::unordered_map<glm::vec3, OpenMesh::VertexHandle, PositionHash> at;
   const auto point = [](const glm::vec3& p) { return OpenMesh::Vec3d(p.x, p.y, p.z); };
-  nodes.assign(scene.triangles.size(), {});
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
-    if (!reflects(scene, t)) continue;
+    if (!wanted(t)) continue;
     std::array<OpenMesh::VertexHandle, 3> v;
     for (int k = 0; k < 3; ++k) {
-      const glm::vec3 p = scene.positions_m[scene.triangles[t][k]];
+      const glm::vec3 p = place(scene.triangles[t][k]);
       const auto [it, fresh] = at.try_emplace(p + 0.0f);
       if (fresh) it->second = mesh.add_vertex(point(p));
       v[std::size_t(k)] = it->second;
@@ -90,6 +92,28 @@ Mesh weld(const Scene& scene, std::vector<PatchMesh::Node>& nodes, std::uint64_t
     data.bary = {glm::vec2(0, 0), glm::vec2(1, 0), glm::vec2(0, 1)};
   }
   return mesh;
+}
+
+/// For each vertex the first one that is no farther than `reach_m`.
+std::vector<std::uint32_t> firstNear(const Scene& scene, double reach_m) {
+  // Cells of twice the reach: what is within reach lies in one of eight.
+  std::unordered_multimap<std::uint64_t, std::uint32_t> cells;
+  std::vector<std::uint32_t> first(scene.positions_m.size());
+  const auto keyOf = [](const glm::i64vec3& c) { return combine(combine(std::uint64_t(c.x), std::uint64_t(c.y)), std::uint64_t(c.z)); };
+  const double cell_m = std::max(2.0 * reach_m, 1e-300);
+  for (std::uint32_t v = 0; v < first.size(); ++v) {
+    const glm::dvec3 p(scene.positions_m[v]), at = p / cell_m;
+    std::uint32_t best = v;
+    for (int k = 0; k < 8; ++k) {
+      const glm::i64vec3 corner(glm::floor(at + 0.5 * glm::dvec3(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1)));
+      const auto [begin, end] = cells.equal_range(keyOf(corner));
+      for (auto it = begin; it != end; ++it)
+        if (glm::distance(p, glm::dvec3(scene.positions_m[it->second])) <= reach_m) best = std::min(best, it->second);
+    }
+    first[v] = best;
+    if (best == v) cells.emplace(keyOf(glm::i64vec3(glm::floor(at))), v);
+  }
+  return first;
 }
 
 /// Of a square patch; a hair more, so that squares of the very size are not cut.
@@ -382,7 +406,9 @@ bool refine(Mesh& mesh, const Grouping& groups, PatchMesh& out, const PatchOptio
 PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run) {
   PatchMesh out;
   out.size_m = options.size_m;
-  Mesh mesh = weld(scene, out.nodes, out.unjoined);
+  out.nodes.assign(scene.triangles.size(), {});
+  Mesh mesh = weld(
+      scene, [&](std::uint32_t t) { return reflects(scene, t); }, [&](std::uint32_t v) { return scene.positions_m[v]; }, out.unjoined);
   run.progress(0.2);
   const std::uint8_t levels = options.light.empty() ? std::uint8_t(0) : options.levels;
   Grouping groups;
@@ -480,6 +506,30 @@ double patchSizeFor_m(const Scene& scene, double squares) {
     (count(mid) > squares ? lo : hi) = mid;
   }
   return hi;
+}
+
+std::vector<SharedEdge> sharedEdges(const Scene& scene, const std::function<bool(std::uint32_t)>& wanted) {
+  const std::vector<std::uint32_t> first = firstNear(scene, double(scene.extent_m) * kSamePlace);
+  std::uint64_t unjoined = 0;
+  const Mesh mesh = weld(
+      scene, wanted, [&](std::uint32_t v) { return scene.positions_m[first[v]]; }, unjoined);
+  std::vector<SharedEdge> out;
+  for (const auto e : mesh.edges()) {
+    if (mesh.is_boundary(e)) continue;
+    SharedEdge edge;
+    for (unsigned side = 0; side < 2; ++side) {
+      const OpenMesh::HalfedgeHandle h = mesh.halfedge_handle(e, side);
+      const auto& data = mesh.data(mesh.face_handle(h));
+      const auto vertexAt = [&](OpenMesh::VertexHandle end) {
+        return scene.triangles[data.triangle][int(std::ranges::find(data.corner, end) - data.corner.begin())];
+      };
+      edge.triangle[side] = data.triangle;
+      edge.vertex[side] = {vertexAt(mesh.from_vertex_handle(h)), vertexAt(mesh.to_vertex_handle(h))};
+    }
+    std::swap(edge.vertex[1].x, edge.vertex[1].y);  // halfedges of an edge run against each other
+    out.push_back(edge);
+  }
+  return out;
 }
 
 PatchMesh makePatches(const Scene& scene, const PatchOptions& options, const Run& run) {

@@ -3,6 +3,7 @@
 /// parts of like normal and reflectance, so that the number of patches follows their size and not the number of triangles.
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -83,6 +84,16 @@ struct PatchMesh {
 
 /// Patches of everything that reflects: cast, not Blend, not degenerate.
 PatchMesh makePatches(const Scene&, const PatchOptions&, const Run&);
+
+/// An edge of the surface at which two triangles meet, fronts on the same side.
+struct SharedEdge {
+  std::array<std::uint32_t, 2> triangle;
+  std::array<glm::uvec2, 2> vertex;  ///< its ends as vertices of either triangle: vertex[0].x and vertex[1].x are one place
+};
+
+/// Edges that two of the wanted triangles share, whatever their objects: corners nearer than 4 ulp of the level's extent are one. Where the
+/// surface is not manifold, or an end of one triangle lies within the other's edge, none is shared.
+std::vector<SharedEdge> sharedEdges(const Scene&, const std::function<bool(std::uint32_t)>& wanted);
 
 /// The size of patches that cuts the level into about `squares` of them. A sliver counts by its length, for it is cut along it. [m]
 double patchSizeFor_m(const Scene&, double squares);

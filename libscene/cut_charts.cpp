@@ -12,8 +12,9 @@ namespace {
 
 using Faces = std::vector<std::uint32_t>;
 
-constexpr double kPlaceWeight = 0.1;  // of a face's place beside its normal: parts stay compact where normals do not tell
+constexpr double kPlaceWeight = 0.2;  // of a face's place beside its normal: parts stay compact where normals do not tell
 constexpr int kRounds = 4;            // of Lloyd's iteration
+constexpr int kStraightenings = 4;    // of the border between two parts
 
 /// What stands for a part: mean normal and centre.
 struct Proxy {
@@ -23,10 +24,10 @@ struct Proxy {
 struct Splitter {
   const Surface& s;
   const Faces& faces;
-  const std::vector<std::uint32_t>& setOf;
+  const FaceSets& sets;
   double unit_m2;
 
-  Splitter(const Surface& surface, const Faces& f, const std::vector<std::uint32_t>& sets) : s(surface), faces(f), setOf(sets), unit_m2(0) {
+  Splitter(const Surface& surface, const Faces& f, const FaceSets& of) : s(surface), faces(f), sets(of), unit_m2(0.0) {
     for (const std::uint32_t i : faces)
       unit_m2 = std::max(unit_m2, glm::dot(s.centres_m[i] - s.centres_m[faces[0]], s.centres_m[i] - s.centres_m[faces[0]]));
     if (unit_m2 == 0.0) unit_m2 = 1.0;
@@ -77,20 +78,36 @@ struct Splitter {
     };
     constexpr std::uint8_t kOpen = 2;
     std::ranges::fill(label, kOpen);
-    const std::uint32_t set = setOf[faces[0]];
-    const auto at = [&](std::uint32_t face) { return std::size_t(std::ranges::lower_bound(faces, face) - faces.begin()); };
+    const std::uint32_t set = sets.set[faces[0]];
     std::priority_queue<Offer> offers;
     const auto take = [&](std::size_t i, std::uint8_t l) {
       label[i] = l;
       for (const std::uint32_t n : s.neighbours[faces[i]])
-        if (n != kNone && setOf[n] == set) offers.push({distance(n, proxies[l]), n, l});
+        if (n != kNone && sets.set[n] == set) offers.push({distance(n, proxies[l]), n, l});
     };
     for (std::uint8_t l = 0; l < 2; ++l) take(seeds[l], l);
     while (!offers.empty()) {
       const Offer o = offers.top();
       offers.pop();
-      if (const std::size_t i = at(o.face); label[i] == kOpen) take(i, o.label);
+      if (const std::uint32_t i = sets.number[o.face]; label[i] == kOpen) take(i, o.label);
     }
+  }
+
+  /// Faces with two sides on the border between the parts go over: each makes it shorter, and leaves both parts in one piece.
+  void straighten(std::vector<std::uint8_t>& label) const {
+    const std::uint32_t set = sets.set[faces[0]];
+    std::array<std::size_t, 2> count{};
+    for (const std::uint8_t l : label) ++count[l];
+    for (int pass = 0; pass < kStraightenings; ++pass)
+      for (std::size_t i = 0; i < faces.size(); ++i) {
+        int same = 0, other = 0;
+        for (const std::uint32_t n : s.neighbours[faces[i]])
+          if (n != kNone && sets.set[n] == set) ++(label[sets.number[n]] == label[i] ? same : other);
+        if (other < 2 || same > 1 || count[label[i]] == 1) continue;
+        --count[label[i]];
+        label[i] ^= 1;
+        ++count[label[i]];
+      }
   }
 
   std::array<Faces, 2> split() const {
@@ -110,6 +127,7 @@ struct Splitter {
       }
       if (seeds == before) break;
     }
+    straighten(label);
     std::array<Faces, 2> out;
     for (std::size_t i = 0; i < faces.size(); ++i) out[label[i] == 1 ? 1 : 0].push_back(faces[i]);
     return out;
@@ -143,12 +161,15 @@ std::vector<Faces> components(const Surface& s, const Faces& faces) {
 std::vector<FlatChart> cutCharts(const Surface& s, std::vector<std::uint32_t> faces, const Run& run) {
   std::vector<FlatChart> out;
   std::vector<Faces> open = components(s, faces);
-  std::vector<std::uint32_t> setOf(s.triangles.size(), kNone);
+  FaceSets sets{std::vector<std::uint32_t>(s.triangles.size(), kNone), std::vector<std::uint32_t>(s.triangles.size(), 0)};
   const Run quiet{run.threads, run.seed, [&](double) { return !run.onProgress || run.onProgress(0.0); }, {}};
   std::uint32_t set = 0;  // a new number for every set: what became a chart keeps its own
   while (!open.empty()) {
     for (const Faces& part : open) {
-      for (const std::uint32_t f : part) setOf[f] = set;
+      for (std::uint32_t i = 0; i < part.size(); ++i) {
+        sets.set[part[i]] = set;
+        sets.number[part[i]] = i;
+      }
       ++set;
     }
     struct Result {
@@ -157,8 +178,8 @@ std::vector<FlatChart> cutCharts(const Surface& s, std::vector<std::uint32_t> fa
     };
     std::vector<Result> results(open.size());
     parallelFor(quiet, open.size(), 1, [&](std::size_t i) {
-      results[i].chart = flatten(s, open[i], setOf, kMaxChartStretch);
-      if (!results[i].chart) results[i].halves = Splitter(s, open[i], setOf).split();
+      results[i].chart = flatten(s, open[i], sets, kMaxChartStretch);
+      if (!results[i].chart) results[i].halves = Splitter(s, open[i], sets).split();
     });
     std::vector<Faces> next;
     for (Result& r : results)

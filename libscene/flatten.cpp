@@ -36,9 +36,8 @@ std::uint32_t root(std::vector<std::uint32_t>& parent, std::uint32_t i) {
   return i;
 }
 
-Patchwork patchwork(const Surface& s, std::span<const std::uint32_t> faces, std::span<const std::uint32_t> setOf) {
-  const std::uint32_t set = setOf[faces[0]];
-  const auto localOf = [&](std::uint32_t face) { return std::uint32_t(std::ranges::lower_bound(faces, face) - faces.begin()); };
+Patchwork patchwork(const Surface& s, std::span<const std::uint32_t> faces, const FaceSets& sets) {
+  const std::uint32_t set = sets.set[faces[0]];
   // Corners of neighbours at the ends of their common edge are one vertex.
   std::vector<std::uint32_t> parent(3 * faces.size());
   std::iota(parent.begin(), parent.end(), 0u);
@@ -52,12 +51,12 @@ Patchwork patchwork(const Surface& s, std::span<const std::uint32_t> faces, std:
   for (std::uint32_t i = 0; i < faces.size(); ++i)
     for (std::uint32_t k = 0; k < 3; ++k) {
       const std::uint32_t other = s.neighbours[faces[i]][k];
-      if (other == kNone || setOf[other] != set) {
+      if (other == kNone || sets.set[other] != set) {
         borderCorner[3 * i + k] = borderCorner[3 * i + (k + 1) % 3] = true;
         out.closed = false;
         continue;
       }
-      const std::uint32_t j = localOf(other);
+      const std::uint32_t j = sets.number[other];
       for (std::uint32_t m = 0; m < 3; ++m)
         if (s.neighbours[other][m] == faces[i] && s.triangles[other][int(m)] == s.triangles[faces[i]][int((k + 1) % 3)]) {
           join(3 * i + k, 3 * j + (m + 1) % 3);
@@ -253,8 +252,7 @@ FlatChart flattenFace(const Surface& s, std::uint32_t face) {
   return out;
 }
 
-std::optional<FlatChart> flatten(const Surface& s, std::span<const std::uint32_t> faces, std::span<const std::uint32_t> setOf,
-                                 double maxStretch) {
+std::optional<FlatChart> flatten(const Surface& s, std::span<const std::uint32_t> faces, const FaceSets& sets, double maxStretch) {
   if (faces.size() == 1) return flattenFace(s, faces[0]);
   glm::dvec3 normal(0.0);
   for (const std::uint32_t f : faces) normal += s.areas_m2[f] * s.normals[f];
@@ -263,7 +261,7 @@ std::optional<FlatChart> flatten(const Surface& s, std::span<const std::uint32_t
   if (flat) normal /= length;
   for (std::size_t i = 0; flat && i < faces.size(); ++i) flat = glm::length(s.normals[faces[i]] - normal) < kFlat;
   if (!flat && faces.size() > kMostFaces) return std::nullopt;
-  const Patchwork p = patchwork(s, faces, setOf);
+  const Patchwork p = patchwork(s, faces, sets);
   if (p.closed || (!flat && std::abs(curvature(p)) > kMostCurvature)) return std::nullopt;
   FlatChart chart;
   chart.faces.assign(faces.begin(), faces.end());

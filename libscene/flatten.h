@@ -37,10 +37,14 @@ inline std::int64_t twiceArea(std::span<const glm::i64vec2> uv, glm::uvec3 t) {
 /// or stretches by more than `maxStretch`.
 bool acceptChart(FlatChart&, const Surface&, double maxStretch);
 
-/// The chart of these faces (in order), or nothing when it would fold over itself or stretch by more than `maxStretch`. `setOf` tells for
-/// each face of the surface to which set it belongs; edges to faces of other sets are borders.
-std::optional<FlatChart> flatten(const Surface&, std::span<const std::uint32_t> faces, std::span<const std::uint32_t> setOf,
-                                 double maxStretch);
+/// Disjoint sets of a surface's faces: for each face its set, and its number in it.
+struct FaceSets {
+  std::vector<std::uint32_t> set, number;
+};
+
+/// The chart of these faces, a set of `sets`, or nothing when it would fold over itself or stretch by more than `maxStretch`. Edges to
+/// faces of other sets are borders.
+std::optional<FlatChart> flatten(const Surface&, std::span<const std::uint32_t> faces, const FaceSets& sets, double maxStretch);
 
 /// The chart of a single face.
 FlatChart flattenFace(const Surface&, std::uint32_t face);

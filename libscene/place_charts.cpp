@@ -14,14 +14,18 @@ namespace lmc {
 
 namespace {
 
-constexpr double kGrid = 0x1p23;       // places in a map are whole numbers of these parts: floats hold them exactly
-constexpr double kStraight = 0.35;     // share of a border that must run along one direction to turn the chart by it
-constexpr double kMostRounding = 0.1;  // of a chart's side, to end on a texel's border
-constexpr double kFull = 0.8;          // share of a map that charts and their padding fill, about
-constexpr int kStep = 4;               // of a side that is chosen: blocks of compressed textures
-constexpr int kTries = 8;              // of a size
-constexpr double kCloseEnough = 0.97;  // of a map's height
-constexpr double kSmaller = 0.9;       // of a group that fits no map
+constexpr double kGrid = 0x1p23;           // places in a map are whole numbers of these parts: floats hold them exactly
+constexpr double kStraight = 0.35;         // share of a border that must run along one direction to turn the chart by it
+constexpr double kMostRounding = 0.1;      // of a chart's side, to end on a texel's border
+constexpr double kFull = 0.8;              // share of a map that charts and their padding fill, about
+constexpr int kStep = 4;                   // of a side that is chosen: blocks of compressed textures
+constexpr int kTries = 8;                  // of a size
+constexpr double kCloseEnough = 1.008;   // between a size that fits and one that does not
+constexpr double kSprawling = 0.35;        // share of its box below which a chart is cut
+constexpr double kCutHelps = 0.75;         // of the box, that the parts' boxes may take
+constexpr int kOrders = 2;                 // of charts, that are tried
+constexpr std::size_t kManyCharts = 4000;  // of which one order is enough
+constexpr double kSmaller = 0.9;           // of a group that fits no map
 
 /// A use at the size at which it is drawn.
 struct Drawn {
@@ -74,6 +78,7 @@ class Placer {
   void drawOne(std::uint32_t i) { drawn_[i] = draw(uses_[i], out_.factor * shrunk_[uses_[i].group]); }
   double room(std::uint32_t i) const;
   int pack(const std::vector<std::uint32_t>& items, int side, int maxHeight, const TexelMask* taken);
+  int packInOrder(const std::vector<std::uint32_t>& items, int order, int side, int maxHeight, const TexelMask* taken);
   bool smallestSide();
   bool fillMap();
   bool severalMaps();
@@ -103,14 +108,29 @@ double Placer::room(std::uint32_t i) const {
   return double(m.count()) + double(o_.padding) * (m.width() + m.height() + o_.padding);
 }
 
-/// Places all of the items, large ones first; the height that they take, or -1 when that is more than `maxHeight`.
+/// Places all of the items, in the order that takes the least height; that height, or -1 when it is more than `maxHeight`.
 int Placer::pack(const std::vector<std::uint32_t>& items, int side, int maxHeight, const TexelMask* taken) {
+  int best = -1;
+  std::vector<Placement> bestPlaces;
+  for (int order = 0; order < (items.size() > kManyCharts ? 1 : kOrders); ++order) {
+    const int height = packInOrder(items, order, side, best < 0 ? maxHeight : best - 1, taken);
+    if (height < 0) continue;
+    best = height;
+    bestPlaces = places_;
+  }
+  if (best >= 0) places_ = std::move(bestPlaces);
+  return best;
+}
+
+/// Long ones first (order 0), or large ones.
+int Placer::packInOrder(const std::vector<std::uint32_t>& items, int byArea, int side, int maxHeight, const TexelMask* taken) {
   if (side <= 2 * margin_) return -1;
   std::vector<std::uint32_t> order = items;
   std::ranges::stable_sort(order, [&](std::uint32_t a, std::uint32_t b) {
     const auto key = [&](std::uint32_t i) {
       const TexelMask& m = drawn_[i].mask;
-      return std::pair(std::max(m.width(), m.height()), m.width() * m.height());
+      const int longest = std::max(m.width(), m.height()), area = m.width() * m.height();
+      return byArea ? std::pair(area, longest) : std::pair(longest, area);
     };
     return key(a) > key(b);
   });
@@ -182,12 +202,11 @@ bool Placer::fillMap() {
       low = factor;
       bestDrawn = drawn_;
       bestPlaces = places_;
-      if (height >= kCloseEnough * o_.side && n >= kTries / 2) break;
     } else {
       high = factor;
     }
     if (high < std::numeric_limits<double>::infinity() && low > 0.0) {
-      if (high / low < 1.004) break;
+      if (high / low < kCloseEnough) break;
       factor = std::sqrt(low * high);
     } else {
       const double step = std::sqrt(kFull * free / std::max(1.0, whole));
@@ -369,6 +388,96 @@ void alignChart(FlatChart& c) {
     lo = glm::min(lo, p);
   }
   for (glm::dvec2& p : c.uv_m) p -= lo;
+}
+
+namespace {
+
+glm::dvec2 boxOf(const FlatChart& c) {
+  glm::dvec2 hi(0.0);
+  for (const glm::dvec2& p : c.uv_m) hi = glm::max(hi, p);
+  return hi;
+}
+
+double areaOf(const FlatChart& c) {
+  double sum = 0.0;
+  for (const glm::uvec3& t : c.corners) {
+    const glm::dvec2 a = c.uv_m[t.x], b = c.uv_m[t.y] - a, d = c.uv_m[t.z] - a;
+    sum += 0.5 * (b.x * d.y - b.y * d.x);
+  }
+  return sum;
+}
+
+/// Parts of a chart: faces of one side, those that hang together by edges.
+template <class Side>
+std::vector<FlatChart> parted(const FlatChart& c, Side side) {
+  std::vector<std::uint32_t> parent(c.faces.size());
+  std::iota(parent.begin(), parent.end(), 0u);
+  const auto root = [&](std::uint32_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+  };
+  std::unordered_map<std::uint64_t, std::uint32_t> faceAt;
+  for (std::uint32_t f = 0; f < c.faces.size(); ++f)
+    for (int k = 0; k < 3; ++k) {
+      const std::uint32_t a = c.corners[f][k], b = c.corners[f][(k + 1) % 3];
+      const auto [it, fresh] = faceAt.try_emplace(std::uint64_t(std::min(a, b)) << 32 | std::max(a, b), f);
+      if (fresh || side(c.corners[f]) != side(c.corners[it->second])) continue;
+      const std::uint32_t i = root(f), j = root(it->second);
+      parent[std::max(i, j)] = std::min(i, j);
+    }
+  std::vector<FlatChart> out;
+  std::vector<std::uint32_t> partOf(c.faces.size(), kNone);
+  std::vector<std::unordered_map<std::uint32_t, std::uint32_t>> vertexOf;
+  for (std::uint32_t f = 0; f < c.faces.size(); ++f) {
+    std::uint32_t& part = partOf[root(f)];
+    if (part == kNone) {
+      part = std::uint32_t(out.size());
+      out.emplace_back();
+      out.back().stretch = c.stretch;
+      vertexOf.emplace_back();
+    }
+    FlatChart& to = out[part];
+    to.faces.push_back(c.faces[f]);
+    glm::uvec3 t;
+    for (int k = 0; k < 3; ++k) {
+      const auto [it, fresh] = vertexOf[part].try_emplace(c.corners[f][k], std::uint32_t(to.uv_m.size()));
+      if (fresh) to.uv_m.push_back(c.uv_m[c.corners[f][k]]);
+      t[k] = it->second;
+    }
+    to.corners.push_back(t);
+  }
+  for (FlatChart& part : out) alignChart(part);
+  return out;
+}
+
+double boxesOf(const std::vector<FlatChart>& charts) {
+  double sum = 0.0;
+  for (const FlatChart& c : charts) sum += boxOf(c).x * boxOf(c).y;
+  return sum;
+}
+
+}  // namespace
+
+std::vector<FlatChart> cutSprawling(FlatChart chart, double longest, double leastBox) {
+  constexpr std::size_t kFacesToCut = 4;
+  const glm::dvec2 box = boxOf(chart);
+  const bool tooLong = std::max(box.x, box.y) > longest && chart.faces.size() >= kFacesToCut;
+  if (!tooLong && (box.x * box.y < leastBox || areaOf(chart) > kSprawling * box.x * box.y)) return {std::move(chart)};
+  const auto middle = [&](const glm::uvec3& t) { return (chart.uv_m[t.x] + chart.uv_m[t.y] + chart.uv_m[t.z]) / (3.0 * box) - 0.5; };
+  const int axis = box.x >= box.y ? 0 : 1;
+  std::vector<FlatChart> parts = parted(chart, [&](const glm::uvec3& t) { return middle(t)[axis] > 0.0; });
+  // Frames and rings: by the side of the box that is nearest.
+  std::vector<FlatChart> sides = parted(chart, [&](const glm::uvec3& t) {
+    const glm::dvec2 m = middle(t);
+    return std::abs(m.x) > std::abs(m.y) ? (m.x > 0.0 ? 0 : 1) : (m.y > 0.0 ? 2 : 3);
+  });
+  if (!tooLong && boxesOf(sides) < boxesOf(parts)) parts = std::move(sides);
+  if (parts.size() == 1) return {std::move(chart)};
+  std::vector<FlatChart> out;
+  for (FlatChart& part : parts)
+    for (FlatChart& p : cutSprawling(std::move(part), longest, leastBox)) out.push_back(std::move(p));
+  if (!tooLong && boxesOf(out) > kCutHelps * box.x * box.y) return {std::move(chart)};
+  return out;
 }
 
 std::optional<ChartPlaces> placeCharts(const std::vector<ChartUse>& uses, const PlaceOptions& options, const Run& run) {

@@ -41,6 +41,11 @@ struct ChartPlaces {
 /// origin.
 void alignChart(FlatChart&);
 
+/// Parts of an aligned chart that leaves most of its box empty, or is longer than `longest`
+/// where it has faces enough, cut across its longer side as often as that helps
+/// packing; aligned. Boxes below `leastBox` are left alone. What lies flat once lies flat in parts.
+std::vector<FlatChart> cutSprawling(FlatChart, double longest, double leastBox);
+
 /// Nothing where more than maxMaps would be needed.
 std::optional<ChartPlaces> placeCharts(const std::vector<ChartUse>&, const PlaceOptions&, const Run&);
 

@@ -58,6 +58,17 @@ class SceneBuilder {
     return object;
   }
 
+  /// Any surface; its vertices' places in the light map are the caller's.
+  std::uint32_t mesh(std::span<const glm::vec3> positions_m, std::span<const glm::vec3> normals, std::span<const glm::vec2> mapUv,
+                     std::span<const glm::uvec3> triangles, std::uint32_t material) {
+    const std::uint32_t object = addObject(material, true);
+    const auto first = std::uint32_t(scene.positions_m.size());
+    for (std::size_t i = 0; i < positions_m.size(); ++i) addVertex(positions_m[i], normals[i], glm::vec2(0.0f), mapUv[i]);
+    for (const glm::uvec3& t : triangles) scene.triangles.push_back(first + t);
+    finishObject();
+    return object;
+  }
+
   /// The six faces of a box, fronts inwards; materials in the order -x +x -y +y -z +z.
   void room(glm::vec3 lo, glm::vec3 hi, const std::array<std::uint32_t, 6>& m, int cuts = 1) {
     const glm::vec3 d = hi - lo;

@@ -3,15 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <map>
 #include <optional>
-#include <unordered_map>
 
 #include "libscene/cut_charts.h"
 #include "libscene/place_charts.h"
-#include "libscene/rng.h"
 #include "libscene/tracer.h"
 
 namespace lmc {
@@ -25,6 +22,9 @@ constexpr double kKnownStretch = 1.5;   // L2 up to which charts of the level ar
 constexpr double kFaultyStretch = 3.0;  // L2 of an object from which its UVs are a fault
 constexpr double kFaultyDensity = 4.0;  // times what the level names for the object, or a part of it
 constexpr double kTight = 0.01;         // share of an object's texels that look-ups of another chart may reach
+constexpr double kFull = 0.7;           // share of a map that charts fill, about
+constexpr double kLongest = 0.75;       // of a map's side: longer charts are cut
+constexpr double kSmallBox = 0.005;     // of a map: smaller charts may leave their boxes empty
 constexpr int kCures = 4;               // rounds of taking spoilt faces out of their charts
 
 /// A shape that objects show, and where its charts come from.
@@ -109,56 +109,28 @@ std::array<glm::dvec2, 3> texelCorners(const Scene& scene, std::uint32_t t, int 
   return out;
 }
 
-class Layouter {
- public:
-  Layouter(Scene& scene, const UvOptions& options, const Run& run) : scene_(scene), o_(options), run_(run) {}
-  UvLayout layOut();
-
- private:
-  bool receives(const Object& o) const { return o.receive && o.triangleCount > 0; }
-  double densityOf(const Object& o) const { return o.texelsPerMetre > 0.0 ? o.texelsPerMetre : density_; }
-  std::vector<UvFault> findFaults();
-  void findTight(std::vector<std::uint32_t>& tight) const;
-  void makeShapes();
-  void place();
-  void takeOut(const std::vector<std::pair<std::uint32_t, std::uint32_t>>& spoilt);
-  void splitVertices();
-  void describe();
-
-  Scene& scene_;
-  const UvOptions& o_;
-  const Run& run_;
-  UvLayout out_;
-  double density_ = kDefaultTexelsPerMetre;
-  bool densityNamed_ = false;
-  std::vector<bool> faulty_;  // one an object
-  std::vector<Shape> shapes_;
-  std::vector<Show> shows_;                                     // one an object; of the faulty ones
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> items_;  // object and chart of its shape, to be placed
-  ChartPlaces places_;
-};
+bool receives(const Object& o) { return o.receive && o.triangleCount > 0; }
 
 /// Objects whose texels another chart's bilinear look-ups reach.
-void Layouter::findTight(std::vector<std::uint32_t>& tight) const {
-  const int side = out_.side;
-  const std::size_t size = std::size_t(side) * std::size_t(side) * std::size_t(out_.maps);
-  if (side > 2 * kMostSide) return;  // so many texels are not kept twice; layouts for them are not tight
+std::vector<std::uint32_t> tightObjects(const Scene& scene, const std::vector<bool>& faulty, int side, int maps) {
+  const std::size_t size = std::size_t(side) * std::size_t(side) * std::size_t(maps);
+  if (side > 2 * kMostSide) return {};  // so many texels are not kept twice; layouts for them are not tight
   // Charts by the triangles that share a place in the map, as findCharts() has them.
-  std::vector<bool> skip(scene_.objects.size());
-  for (std::uint32_t i = 0; i < scene_.objects.size(); ++i) skip[i] = faulty_[i] || !receives(scene_.objects[i]);
-  const std::vector<std::uint32_t> chartOf = connectedByUv(scene_, skip).chartOf;
+  std::vector<bool> skip(scene.objects.size());
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i) skip[i] = faulty[i] || !receives(scene.objects[i]);
+  const std::vector<std::uint32_t> chartOf = connectedByUv(scene, skip).chartOf;
   std::vector<std::uint32_t> owner(size, kNone);  // a triangle that touches the texel
   const auto forTexels = [&](std::uint32_t t, auto f) {
-    const std::size_t map = std::size_t(scene_.objectOf(t).map) * std::size_t(side);
-    forTouched(texelCorners(scene_, t, side), side, side, [&](int y, int first, int last) {
+    const std::size_t map = std::size_t(scene.objectOf(t).map) * std::size_t(side);
+    forTouched(texelCorners(scene, t, side), side, side, [&](int y, int first, int last) {
       for (int x = first; x <= last; ++x) f((map + std::size_t(y)) * std::size_t(side) + std::size_t(x), x, y);
     });
   };
   for (std::uint32_t t = 0; t < chartOf.size(); ++t)
     if (chartOf[t] != kNone) forTexels(t, [&](std::size_t i, int, int) { owner[i] = t; });
-  std::vector<double> texels(scene_.objects.size(), 0.0), reached(texels);
+  std::vector<double> texels(scene.objects.size(), 0.0), reached(texels);
   for (std::size_t i = 0; i < size; ++i)
-    if (owner[i] != kNone) texels[scene_.triangleObject[owner[i]]] += 1.0;
+    if (owner[i] != kNone) texels[scene.triangleObject[owner[i]]] += 1.0;
   std::vector<bool> counted(size, false);
   for (std::uint32_t t = 0; t < chartOf.size(); ++t) {
     if (chartOf[t] == kNone) continue;
@@ -170,62 +142,131 @@ void Layouter::findTight(std::vector<std::uint32_t>& tight) const {
           const std::uint32_t other = owner[std::size_t(std::ptrdiff_t(i) + std::ptrdiff_t(dy) * side + dx)];
           if (other == kNone || chartOf[other] == chartOf[t]) continue;
           counted[i] = true;
-          reached[scene_.triangleObject[t]] += 1.0;
+          reached[scene.triangleObject[t]] += 1.0;
           return;
         }
     });
   }
+  std::vector<std::uint32_t> tight;
   for (std::uint32_t i = 0; i < texels.size(); ++i)
     if (reached[i] > kTight * texels[i]) tight.push_back(i);
+  return tight;
 }
 
-std::vector<UvFault> Layouter::findFaults() {
+std::vector<UvFault> findFaults(const Scene& scene, UvMode mode, int side, int maps) {
   std::vector<UvFault> faults;
-  faulty_.assign(scene_.objects.size(), false);
+  std::vector<bool> faulty(scene.objects.size(), false);
   const auto add = [&](UvFault f) {
-    if (faulty_[f.object]) return;
-    faulty_[f.object] = true;
+    if (faulty[f.object]) return;
+    faulty[f.object] = true;
     faults.push_back(std::move(f));
   };
-  if (o_.mode == UvMode::New) {
-    for (std::uint32_t i = 0; i < scene_.objects.size(); ++i)
-      if (receives(scene_.objects[i])) add({UvFault::Kind::Missing, i, "", "--uv new"});
+  if (mode == UvMode::New) {
+    for (std::uint32_t i = 0; i < scene.objects.size(); ++i)
+      if (receives(scene.objects[i])) add({UvFault::Kind::Missing, i, "", "--uv new"});
     return faults;
   }
-  for (UvFault& f : uvFaults(scene_, out_.side)) add(std::move(f));
-  if (o_.mode == UvMode::Keep) return faults;
-  for (std::uint32_t i = 0; i < scene_.objects.size(); ++i) {
-    const Object& o = scene_.objects[i];
-    if (faulty_[i] || !receives(o)) continue;
-    if (const double stretch = objectStretch(scene_, o); stretch > kFaultyStretch)
+  for (UvFault& f : uvFaults(scene, side)) add(std::move(f));
+  if (mode == UvMode::Keep) return faults;
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i) {
+    const Object& o = scene.objects[i];
+    if (faulty[i] || !receives(o)) continue;
+    if (const double stretch = objectStretch(scene, o); stretch > kFaultyStretch)
       add({UvFault::Kind::Stretch, i, "", fmt::format("light-map UVs of object '{}' stretch it by {:.3g}", o.path, stretch)});
-    const double density = out_.side * std::sqrt(uvArea(scene_, o) / objectArea_m2(scene_, o));
+    const double density = side * std::sqrt(uvArea(scene, o) / objectArea_m2(scene, o));
     if (o.texelsPerMetre > 0.0 && (density > kFaultyDensity * o.texelsPerMetre || density < o.texelsPerMetre / kFaultyDensity))
       add({UvFault::Kind::Density, i, "",
            fmt::format("object '{}' has {:.3g} texels a metre and asks for {:g}", o.path, density, o.texelsPerMetre)});
   }
-  std::vector<std::uint32_t> tight;
-  findTight(tight);
-  for (const std::uint32_t i : tight)
+  for (const std::uint32_t i : tightObjects(scene, faulty, side, maps))
     add({UvFault::Kind::Padding, i, "",
-         fmt::format("charts of object '{}' are nearer than 2 texels to others in a map of {} x {}", scene_.objects[i].path, out_.side,
-                     out_.side)});
+         fmt::format("charts of object '{}' are nearer than 2 texels to others in a map of {} x {}", scene.objects[i].path, side, side)});
   // Primitives of a node share a map.
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> nodes;
-  for (const UvFault& f : faults) nodes.emplace(std::pair(scene_.objects[f.object].node, scene_.objects[f.object].instance), f.object);
-  for (std::uint32_t i = 0; i < scene_.objects.size(); ++i) {
-    const Object& o = scene_.objects[i];
-    if (const auto it = nodes.find({o.node, o.instance}); it != nodes.end() && receives(o) && !faulty_[i])
+  for (const UvFault& f : faults) nodes.emplace(std::pair(scene.objects[f.object].node, scene.objects[f.object].instance), f.object);
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i) {
+    const Object& o = scene.objects[i];
+    if (const auto it = nodes.find({o.node, o.instance}); it != nodes.end() && receives(o) && !faulty[i])
       add({UvFault::Kind::Padding, i, "",
-           fmt::format("object '{}' shares a map with object '{}'", o.path, scene_.objects[it->second].path)});
+           fmt::format("object '{}' shares a map with object '{}'", o.path, scene.objects[it->second].path)});
   }
   return faults;
 }
+
+void describe(const Scene& scene, UvLayout& layout) {
+  double covered = 0.0;
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i) {
+    const Object& o = scene.objects[i];
+    ObjectUv& u = layout.objects[i];
+    if (!receives(o)) continue;
+    const double uv = uvArea(scene, o);
+    u.area_m2 = objectArea_m2(scene, o);
+    u.stretch = objectStretch(scene, o);
+    u.texels = uv * layout.side * layout.side;
+    u.texelsPerMetre = u.area_m2 > 0.0 ? std::sqrt(u.texels / u.area_m2) : 0.0;
+    covered += uv;
+  }
+  layout.efficiency = covered / layout.maps;
+}
+
+struct Density {
+  double texelsPerMetre;
+  bool named;  ///< by the user or the level
+};
+Density densityFor(const Scene& scene, const UvOptions& o) {
+  if (o.texelsPerMetre > 0.0) return {o.texelsPerMetre, true};
+  if (scene.texelsPerMetre > 0.0) return {scene.texelsPerMetre, true};
+  return {kDefaultTexelsPerMetre, false};
+}
+
+/// What the level has: size and number of maps.
+UvLayout known(const Scene& scene, const UvOptions& o) {
+  UvLayout out;
+  // A density that was asked for goes before the level's size.
+  out.side = mapSide(scene,
+                     o.mapSize > 0            ? o.mapSize
+                     : o.texelsPerMetre > 0.0 ? 0
+                                              : scene.mapResolution,
+                     densityFor(scene, o).texelsPerMetre);
+  out.objects.resize(scene.objects.size());
+  for (const Object& object : scene.objects) out.maps = std::max(out.maps, int(object.map) + 1);
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i)
+    if (receives(scene.objects[i])) out.objects[i].fate = ObjectUv::Fate::Kept;
+  return out;
+}
+
+class Layouter {
+ public:
+  Layouter(Scene& scene, const UvOptions& options, const Run& run)
+      : scene_(scene), o_(options), run_(run), out_(known(scene, options)), density_(densityFor(scene, options)) {}
+  UvLayout layOut();
+
+ private:
+  double densityOf(const Object& o) const { return o.texelsPerMetre > 0.0 ? o.texelsPerMetre : density_.texelsPerMetre; }
+  void makeShapes();
+  void place();
+  void takeOut(const std::vector<std::pair<std::uint32_t, std::uint32_t>>& spoilt);
+  std::vector<CornerUvs> cornerUvs();
+
+  Scene& scene_;
+  const UvOptions& o_;
+  const Run& run_;
+  UvLayout out_;
+  Density density_;
+  std::vector<bool> faulty_;  // one an object
+  std::vector<Shape> shapes_;
+  std::vector<Show> shows_;                                     // one an object; of the faulty ones
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> items_;  // object and chart of its shape, to be placed
+  ChartPlaces places_;
+};
 
 /// Charts of every faulty object, the same for those of one shape.
 void Layouter::makeShapes() {
   shows_.resize(scene_.objects.size());
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<std::uint32_t>> known;  // shapes of a primitive
+  double level = 0.0;                                                                   // texels of all that is placed
+  for (std::uint32_t i = 0; i < scene_.objects.size(); ++i)
+    if (const Object& o = scene_.objects[i]; faulty_[i]) level += objectArea_m2(scene_, o) * densityOf(o) * densityOf(o);
   std::uint32_t done = 0;
   for (std::uint32_t i = 0; i < scene_.objects.size(); ++i) {
     const Object& o = scene_.objects[i];
@@ -253,8 +294,14 @@ void Layouter::makeShapes() {
         shapes_.back().known = !charts.empty();
         faces = std::move(kept.other);
       }
-      for (FlatChart& c : cutCharts(surface, faces, run_)) charts.push_back(std::move(c));
       for (FlatChart& c : charts) alignChart(c);
+      // In units of the shape: the side and the area of a square that would hold the whole level.
+      const double side_m = std::sqrt(level / kFull) / densityOf(o);
+      for (FlatChart& c : cutCharts(surface, faces, run_)) {
+        alignChart(c);
+        for (FlatChart& part : cutSprawling(std::move(c), kLongest * side_m, kSmallBox * side_m * side_m))
+          charts.push_back(std::move(part));
+      }
     }
     shows_[i] = *show;
   }
@@ -275,7 +322,7 @@ void Layouter::place() {
   options.side = taken ? out_.side : o_.mapSize;
   options.taken = taken ? &*taken : nullptr;
   options.fill = o_.texelsPerMetre == 0.0;
-  if (!taken && o_.mapSize == 0 && !densityNamed_ && scene_.mapResolution > 0) options.side = scene_.mapResolution;
+  if (!taken && o_.mapSize == 0 && !density_.named && scene_.mapResolution > 0) options.side = scene_.mapResolution;
   for (int round = 0;; ++round) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> groups;
     std::vector<ChartUse> uses;
@@ -292,7 +339,7 @@ void Layouter::place() {
     }
     if (uses.empty()) return;
     std::optional<ChartPlaces> placed = placeCharts(uses, options, run_);
-    if (placed && options.side == 0 && !densityNamed_ && placed->maps == 1 && placed->side < kLeastSide) {
+    if (placed && options.side == 0 && !density_.named && placed->maps == 1 && placed->side < kLeastSide) {
       options.side = kLeastSide;
       options.fill = true;
       placed = placeCharts(uses, options, run_);
@@ -343,103 +390,35 @@ void Layouter::takeOut(const std::vector<std::pair<std::uint32_t, std::uint32_t>
   }
 }
 
-/// Vertices that lie at two places of the map become two.
-void Layouter::splitVertices() {
-  std::vector<std::vector<std::uint32_t>> itemsOf(scene_.objects.size());
-  for (std::uint32_t i = 0; i < items_.size(); ++i) itemsOf[items_[i].first].push_back(i);
-  Scene to;
-  const auto copy = [&](std::uint32_t v, glm::vec2 uv) {
-    to.positions_m.push_back(scene_.positions_m[v]);
-    to.normals.push_back(scene_.normals[v]);
-    to.uv0.push_back(scene_.uv0[v]);
-    if (!scene_.uv1.empty()) to.uv1.push_back(scene_.uv1[v]);
-    if (!scene_.colors.empty()) to.colors.push_back(scene_.colors[v]);
-    to.sourceVertex.push_back(scene_.sourceVertex[v]);
-    to.mapUv.push_back(uv);
-  };
+std::vector<CornerUvs> Layouter::cornerUvs() {
   std::map<std::uint32_t, std::uint32_t> texCoords;  // of a node: free for all of its primitives
   for (std::uint32_t i = 0; i < scene_.objects.size(); ++i)
     if (faulty_[i]) texCoords[scene_.objects[i].node] = std::max(texCoords[scene_.objects[i].node], scene_.objects[i].freeTexCoord);
-  for (std::uint32_t i = 0; i < scene_.objects.size(); ++i) {
+  std::vector<CornerUvs> out(scene_.objects.size());
+  for (std::uint32_t item = 0; item < items_.size(); ++item) {
+    const auto [i, chart] = items_[item];
     Object& o = scene_.objects[i];
-    const auto first = std::uint32_t(to.positions_m.size());
-    if (!faulty_[i]) {
-      for (std::uint32_t v = 0; v < o.vertexCount; ++v) copy(o.firstVertex + v, scene_.mapUv[o.firstVertex + v]);
-      for (std::uint32_t t = o.firstTriangle; t < o.firstTriangle + o.triangleCount; ++t) scene_.triangles[t] += first - o.firstVertex;
-    } else {
-      std::vector<std::array<glm::vec2, 3>> uv(o.triangleCount);
-      for (const std::uint32_t item : itemsOf[i]) {
-        const FlatChart& c = shapes_[shows_[i].shape].charts[items_[item].second];
-        for (std::size_t f = 0; f < c.faces.size(); ++f)
-          for (int k = 0; k < 3; ++k)
-            // A mirrored object has its second and third corners exchanged.
-            uv[c.faces[f]][std::size_t(shows_[i].mirrored ? (3 - k) % 3 : k)] = places_.uv[item][c.corners[f][k]];
-        o.map = places_.map[item];
-      }
-      std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> known;  // copies, by vertex and place
-      for (std::uint32_t f = 0; f < o.triangleCount; ++f)
-        for (int k = 0; k < 3; ++k) {
-          std::uint32_t& v = scene_.triangles[o.firstTriangle + f][k];
-          const glm::vec2 at = uv[f][std::size_t(k)];
-          auto& same = known[combine(v, std::uint64_t(std::bit_cast<std::uint32_t>(at.x)) << 32 | std::bit_cast<std::uint32_t>(at.y))];
-          const auto it = std::ranges::find_if(
-              same, [&](std::uint32_t n) { return to.mapUv[n] == at && to.sourceVertex[n] == scene_.sourceVertex[v]; });
-          if (it != same.end()) {
-            v = *it;
-            continue;
-          }
-          same.push_back(std::uint32_t(to.positions_m.size()));
-          copy(v, at);
-          v = same.back();
-        }
-      o.inMap = true;
-      o.texCoord = texCoords[o.node];
-    }
-    o.firstVertex = first;
-    o.vertexCount = std::uint32_t(to.positions_m.size()) - first;
+    out[i].resize(o.triangleCount);
+    const FlatChart& c = shapes_[shows_[i].shape].charts[chart];
+    for (std::size_t f = 0; f < c.faces.size(); ++f)
+      for (int k = 0; k < 3; ++k)
+        // A mirrored object has its second and third corners exchanged.
+        out[i][c.faces[f]][std::size_t(shows_[i].mirrored ? (3 - k) % 3 : k)] = places_.uv[item][c.corners[f][k]];
+    o.map = places_.map[item];
+    o.texCoord = texCoords[o.node];
   }
-  scene_.positions_m = std::move(to.positions_m);
-  scene_.normals = std::move(to.normals);
-  scene_.uv0 = std::move(to.uv0);
-  scene_.uv1 = std::move(to.uv1);
-  scene_.colors = std::move(to.colors);
-  scene_.sourceVertex = std::move(to.sourceVertex);
-  scene_.mapUv = std::move(to.mapUv);
-}
-
-void Layouter::describe() {
-  double covered = 0.0;
-  for (std::uint32_t i = 0; i < scene_.objects.size(); ++i) {
-    const Object& o = scene_.objects[i];
-    ObjectUv& u = out_.objects[i];
-    if (!receives(o)) continue;
-    const double uv = uvArea(scene_, o);
-    u.area_m2 = objectArea_m2(scene_, o);
-    u.stretch = objectStretch(scene_, o);
-    u.texels = uv * out_.side * out_.side;
-    u.texelsPerMetre = u.area_m2 > 0.0 ? std::sqrt(u.texels / u.area_m2) : 0.0;
-    covered += uv;
-  }
-  out_.efficiency = covered / out_.maps;
+  return out;
 }
 
 UvLayout Layouter::layOut() {
-  if (o_.texelsPerMetre > 0.0 || scene_.texelsPerMetre > 0.0) {
-    density_ = o_.texelsPerMetre > 0.0 ? o_.texelsPerMetre : scene_.texelsPerMetre;
-    densityNamed_ = true;
-  }
-  // A density that was asked for goes before the level's size.
-  out_.side = mapSide(scene_, o_.mapSize > 0 ? o_.mapSize : o_.texelsPerMetre > 0.0 ? 0 : scene_.mapResolution, density_);
-  out_.objects.resize(scene_.objects.size());
-  for (const Object& o : scene_.objects) out_.maps = std::max(out_.maps, int(o.map) + 1);
-  for (std::uint32_t i = 0; i < scene_.objects.size(); ++i)
-    if (receives(scene_.objects[i])) out_.objects[i].fate = ObjectUv::Fate::Kept;
-  const std::vector<UvFault> faults = findFaults();
+  const std::vector<UvFault> faults = findFaults(scene_, o_.mode, out_.side, out_.maps);
+  faulty_.assign(scene_.objects.size(), false);
+  for (const UvFault& f : faults) faulty_[f.object] = true;
   if (!faults.empty() && o_.mode == UvMode::Keep) throw uvError(scene_, faults.front());
   if (!faults.empty()) {
     makeShapes();
     place();
-    splitVertices();
+    setMapUvs(scene_, cornerUvs());
     for (const UvFault& f : faults) {
       ObjectUv& u = out_.objects[f.object];
       u.because = f.text;
@@ -453,12 +432,66 @@ UvLayout Layouter::layOut() {
     }
     out_.meanStretch /= std::max(1u, out_.charts);
   }
-  describe();
+  describe(scene_, out_);
   return std::move(out_);
 }
 
 }  // namespace
 
 UvLayout layOut(Scene& scene, const UvOptions& options, const Run& run) { return Layouter(scene, options, run).layOut(); }
+
+UvState examineUvs(const Scene& scene, const UvOptions& options) {
+  UvState out{known(scene, options), {}};
+  out.faults = findFaults(scene, UvMode::Repair, out.layout.side, out.layout.maps);
+  describe(scene, out.layout);
+  return out;
+}
+
+void setMapUvs(Scene& scene, const std::vector<CornerUvs>& uvs) {
+  Scene to;
+  const auto copy = [&](std::uint32_t v, glm::vec2 uv) {
+    to.positions_m.push_back(scene.positions_m[v]);
+    to.normals.push_back(scene.normals[v]);
+    to.uv0.push_back(scene.uv0[v]);
+    if (!scene.uv1.empty()) to.uv1.push_back(scene.uv1[v]);
+    if (!scene.colors.empty()) to.colors.push_back(scene.colors[v]);
+    to.sourceVertex.push_back(scene.sourceVertex[v]);
+    to.mapUv.push_back(uv);
+  };
+  for (std::uint32_t i = 0; i < scene.objects.size(); ++i) {
+    Object& o = scene.objects[i];
+    const auto first = std::uint32_t(to.positions_m.size());
+    if (uvs[i].empty()) {
+      for (std::uint32_t v = 0; v < o.vertexCount; ++v) copy(o.firstVertex + v, scene.mapUv[o.firstVertex + v]);
+      for (std::uint32_t t = o.firstTriangle; t < o.firstTriangle + o.triangleCount; ++t) scene.triangles[t] += first - o.firstVertex;
+    } else {
+      std::vector<std::vector<std::uint32_t>> copies(o.vertexCount);
+      for (std::uint32_t f = 0; f < o.triangleCount; ++f)
+        for (int k = 0; k < 3; ++k) {
+          std::uint32_t& v = scene.triangles[o.firstTriangle + f][k];
+          const glm::vec2 at = uvs[i][f][std::size_t(k)];
+          auto& same = copies[v - o.firstVertex];
+          const auto it = std::ranges::find_if(same, [&](std::uint32_t n) { return to.mapUv[n] == at; });
+          if (it == same.end()) {
+            same.push_back(std::uint32_t(to.positions_m.size()));
+            copy(v, at);
+            v = same.back();
+          } else {
+            v = *it;
+          }
+        }
+      o.inMap = true;
+    }
+    o.firstVertex = first;
+    o.vertexCount = std::uint32_t(to.positions_m.size()) - first;
+  }
+  scene.positions_m = std::move(to.positions_m);
+  scene.normals = std::move(to.normals);
+  scene.uv0 = std::move(to.uv0);
+  scene.uv1 = std::move(to.uv1);
+  scene.colors = std::move(to.colors);
+  scene.sourceVertex = std::move(to.sourceVertex);
+  scene.mapUv = std::move(to.mapUv);
+}
 
 }  // namespace lmc

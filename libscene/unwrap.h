@@ -1,5 +1,6 @@
 #pragma once
 /// Light-map UVs for a whole level: what is sound is kept, the rest is repaired or made, and all of it gets a place in one or more maps.
+#include <array>
 #include <string>
 #include <vector>
 
@@ -48,5 +49,19 @@ struct UvLayout {
 /// they are) and sets Object::map. Objects of one node share a map. Throws Error for faults when they are to be kept, and Limit where the
 /// charts do not fit into the maps allowed. The same layout for any number of threads.
 UvLayout layOut(Scene&, const UvOptions&, const Run&);
+
+/// What layOut() would find fault with in the map UVs that the level has, object by object: uvFaults(), and an L2 stretch above 3, a
+/// density more than 4 times off what extras.lmc.texelsPerMetre asks for, or charts so near to others that bilinear look-ups reach them.
+struct UvState {
+  UvLayout layout;  ///< of what is there
+  std::vector<UvFault> faults;
+};
+UvState examineUvs(const Scene&, const UvOptions&);
+
+/// Map UVs of an object's triangles, corner by corner.
+using CornerUvs = std::vector<std::array<glm::vec2, 3>>;
+
+/// Gives objects new map UVs: vertices that lie at two places of the map become two. `uvs` has an entry an object; empty = its UVs stay.
+void setMapUvs(Scene&, const std::vector<CornerUvs>& uvs);
 
 }  // namespace lmc

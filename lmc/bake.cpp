@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 
@@ -109,6 +110,11 @@ Exit showPlan(const PlanOptions& options) {
   Bake b(options.bake, makeRun(options.bake, progress, spoken));
   load(b);
   plan(b);
+  const auto hasUvs = [](const Object& o) { return !o.receive || o.inMap || o.triangleCount == 0; };
+  if (std::ranges::all_of(b.scene.objects, hasUvs)) {
+    b.facts.smoothSeams = findSeams(b.scene).smooth.size();
+    b.plan = makePlan(options.bake.effects, b.facts);
+  }
   if (options.bake.json) {
     fmt::print("{}\n", nlohmann::ordered_json{{"plan", planOf(b.plan)}}.dump(2));
     return Exit::Done;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 
@@ -66,6 +67,41 @@ void writePicture(OutputFile& file, const Bake& b) {
 }
 
 }  // namespace
+
+namespace {
+
+/// Blue, green, yellow, red at 0, 1, 3 and 10 %.
+glm::u8vec4 colourOfJump(double share) {
+  constexpr std::array<double, 4> kAt{0.0, 0.01, 0.03, 0.1};
+  constexpr std::array<glm::dvec3, 4> kColour{{{40, 80, 255}, {40, 220, 60}, {255, 230, 40}, {255, 30, 30}}};
+  std::size_t k = 0;
+  while (k < 2 && share > kAt[k + 1]) ++k;
+  const glm::dvec3 c = glm::mix(kColour[k], kColour[k + 1], std::clamp((share - kAt[k]) / (kAt[k + 1] - kAt[k]), 0.0, 1.0));
+  return {std::uint8_t(c.x), std::uint8_t(c.y), std::uint8_t(c.z), 255};
+}
+
+}  // namespace
+
+void dumpSeams(OutputSet& set, const Bake& b) {
+  constexpr int kBetween = 8;  // pixels between the two maps
+  Image<glm::u8vec4> picture(2 * b.map.width + kBetween, b.map.height, glm::u8vec4(0, 0, 0, 255));
+  std::vector<std::array<float, 2>> jump(b.map.size(), {-1.0f, -1.0f});
+  for (const SeamSample& s : b.closed.samples)
+    for (const std::uint32_t texel : s.texel) jump[texel] = {std::max(jump[texel][0], s.before), std::max(jump[texel][1], s.after)};
+  for (int y = 0; y < b.map.height; ++y)
+    for (int x = 0; x < b.map.width; ++x) {
+      const std::size_t i = std::size_t(y) * std::size_t(b.map.width) + std::size_t(x);
+      const Rgb e = b.values.direct[i] + b.values.indirect[i];
+      // Half of white at three times the level's mean, so that colours stand out.
+      const double grey =
+          b.map.chart[i] == kNone ? 0.0 : 128.0 * std::min(1.0, double(e.r + e.g + e.b) / 9.0 / std::max(1e-30, b.ledger.mean));
+      for (int side = 0; side < 2; ++side)
+        picture.at(x + side * (b.map.width + kBetween), y) =
+            jump[i][0] < 0.0f ? glm::u8vec4(glm::u8vec3(std::uint8_t(grey)), 255) : colourOfJump(double(jump[i][std::size_t(side)]));
+    }
+  const std::vector<std::uint8_t> png = encodePng(picture, false);
+  set.open("seams.png").write(png.data(), png.size());
+}
 
 void dumpPatches(OutputSet& set, const Bake& b) {
   writeObj(set.open("patches.obj"), b);

@@ -9,4 +9,8 @@ namespace lmc {
 /// finer. commit() is left to the caller.
 void dumpPatches(OutputSet&, const Bake&);
 
+/// seams.png: the map in grey, and in it the texels at smooth seams in the colour of the largest difference of bilinear lookups across the
+/// seam there, against the light: left before, right after closing. Blue 0, green 1 %, yellow 3 %, red 10 % and more.
+void dumpSeams(OutputSet&, const Bake&);
+
 }  // namespace lmc

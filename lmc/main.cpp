@@ -12,6 +12,7 @@
 #include "lmc/normals.h"
 #include "lmc/shade.h"
 #include "lmc/tangents.h"
+#include "lmc/uv_jobs.h"
 #include "lmc/verify.h"
 
 namespace {
@@ -39,6 +40,9 @@ struct Perform {
   lmc::Exit operator()(const lmc::VerifyOptions& o) const { return lmc::verify(o); }
   lmc::Exit operator()(const lmc::TangentsOptions& o) const { return lmc::tangents(o); }
   lmc::Exit operator()(const lmc::NormalsOptions& o) const { return lmc::normals(o); }
+  lmc::Exit operator()(const lmc::UnwrapOptions& o) const { return lmc::unwrap(o); }
+  lmc::Exit operator()(const lmc::InfoOptions& o) const { return lmc::showInfo(o); }
+  lmc::Exit operator()(const lmc::AttachOptions& o) const { return lmc::attach(o); }
   lmc::Exit operator()(const lmc::ShowText& t) const {
     fmt::print("{}", t.text);
     return lmc::Exit::Done;

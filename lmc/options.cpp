@@ -123,7 +123,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "draft (8 %), level (2 %, the default), final (1 %)")
       ->check(CLI::IsMember({"draft", "level", "final"}))
       ->type_name("NAME");
-  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce), or changes to auto (+sky,-bounce)")
+  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce,seams), or changes to auto (+sky,-bounce)")
       ->type_name("LIST");
   app->add_option_function<std::string>(
          "--passes",
@@ -273,10 +273,15 @@ Command parseCommandLine(int argc, const char* const* argv) {
   bakeApp->add_flag("--snapshot", bake.snapshot,
                     "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
   bakeApp
-      ->add_option_function<std::string>(
-          "--dump", [&bake](const std::string&) { bake.dumpPatches = true; },
-          "also write what was made on the way: patches (patches.obj, patches.png: patches in the map's layout, the finer the brighter)")
-      ->check(CLI::IsMember({"patches"}))
+      ->add_option_function<std::vector<std::string>>(
+          "--dump",
+          [&bake](const std::vector<std::string>& what) {
+            for (const std::string& w : what) (w == "seams" ? bake.dumpSeams : bake.dumpPatches) = true;
+          },
+          "also write what was made on the way, a list: patches (patches.obj, patches.png: patches in the map's layout, the finer the "
+          "brighter), seams (seams.png: differences across smooth seams before and after they were closed)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"patches", "seams"}))
       ->type_name("WHAT");
   bakeApp
       ->add_option_function<std::string>(
@@ -347,6 +352,41 @@ Command parseCommandLine(int argc, const char* const* argv) {
   CLI::App* normalsApp =
       app.add_subcommand("normals", "normal maps: to and from tangent space, from heights, pictures and models of more polygons");
   addNormals(normalsApp, normals, normalsFrom, normalsAs);
+  UnwrapOptions unwrap;
+  CLI::App* unwrapApp = app.add_subcommand("unwrap", "make, repair or keep light-map UVs, and write the level with them");
+  unwrapApp->add_option("LEVEL", unwrap.level, "level to read, .glb or .gltf")->required();
+  unwrapApp->add_option("-o,--out", unwrap.out, "GLB file to write")->required();
+  addUvOptions(unwrapApp, unwrap.uv);
+  addInputLimits(unwrapApp, unwrap.limits);
+  unwrapApp->add_flag("--json", unwrap.json, "print what was done as JSON");
+  unwrapApp->add_option("-j,--threads", unwrap.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+
+  InfoOptions info;
+  CLI::App* infoApp = app.add_subcommand("info", "table of a level's objects: area, light-map UVs and their faults, texel density, memory");
+  infoApp->add_option("LEVEL", info.level, "level to read, .glb or .gltf")->required();
+  infoApp
+      ->add_option("--pictures", info.pictures,
+                   "folder for charts.png (a colour a chart) and density.png (too coarse blue, right green, too fine red, overlap magenta)")
+      ->type_name("DIR");
+  infoApp->add_option("--map-size", info.uv.mapSize, "side of a light map in texels [default: as for a bake]")->check(CLI::Range(4, 16384));
+  infoApp->add_option("--texels-per-metre", info.uv.texelsPerMetre, "density when no size is given [default: as for a bake]")
+      ->check(CLI::Range(1e-6, 1e6));
+  addInputLimits(infoApp, info.limits);
+  infoApp->add_flag("--json", info.json, "print the table as JSON");
+  infoApp->add_option("-j,--threads", info.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+
+  AttachOptions attach;
+  CLI::App* attachApp = app.add_subcommand(
+      "attach", "put the maps of a bake on a level that an optimiser rewrote; exit code 5 when objects are left without");
+  attachApp->add_option("LEVEL", attach.level, "rewritten level, .glb or .gltf")->required();
+  attachApp->add_option("OUT", attach.baked, "folder of the bake")->required();
+  attachApp->add_option("-o,--out", attach.out, "GLB file to write [default: attached.glb in OUT]");
+  attachApp->add_option("--tolerance", attach.tolerance, "how far surfaces may have moved, as a share of the level's size")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 0.1));
+  addInputLimits(attachApp, attach.limits);
+  attachApp->add_flag("--json", attach.json, "print what was matched as JSON");
+  attachApp->add_option("-j,--threads", attach.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
   try {
     app.parse(argc, argv);
@@ -370,6 +410,9 @@ Command parseCommandLine(int argc, const char* const* argv) {
   if (*verifyApp) return verify;
   if (*tangentsApp) return tangents;
   if (*normalsApp) return settled(normals, normalsFrom, normalsAs);
+  if (*unwrapApp) return unwrap;
+  if (*infoApp) return info;
+  if (*attachApp) return attach;
   return shade;
 }
 

@@ -24,6 +24,7 @@ struct BakeOptions {
   double bounceTail = 0.0;       ///< end the passes when what is unsent can add no more than this share; 0 = from the goal
   bool snapshot = false;         ///< a map after each pass
   bool dumpPatches = false;      ///< patches.obj and patches.png
+  bool dumpSeams = false;        ///< seams.png
   Solver solver = Solver::Auto;
   double patchSize_m = 0.0;  ///< 0 = from the goal and the level
   std::uint32_t maxPatches = 200000;
@@ -99,12 +100,37 @@ struct NormalsOptions {
   LoadLimits limits;
 };
 
+struct UnwrapOptions {
+  std::filesystem::path level, out;
+  UvOptions uv;
+  LoadLimits limits;
+  bool json = false;
+  int threads = 0;
+};
+
+struct InfoOptions {
+  std::filesystem::path level, pictures;  ///< folder for pictures; empty = none
+  UvOptions uv;
+  LoadLimits limits;
+  bool json = false;
+  int threads = 0;
+};
+
+struct AttachOptions {
+  std::filesystem::path level, baked;
+  std::filesystem::path out;  ///< empty = attached.glb in the baked folder
+  double tolerance = 1e-3;    ///< of the level's size: how far optimisers move surfaces
+  LoadLimits limits;
+  bool json = false;
+  int threads = 0;
+};
+
 struct ShowText {
   std::string text;  ///< help or version, for stdout
 };
 
-using Command =
-    std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, TangentsOptions, NormalsOptions, ShowText>;
+using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, UnwrapOptions, InfoOptions,
+                             AttachOptions, TangentsOptions, NormalsOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc

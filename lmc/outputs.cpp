@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <map>
 
 #include "libscene/exr.h"
@@ -15,47 +14,19 @@ namespace lmc {
 
 namespace {
 
-constexpr int kPadding = 4;  // texels around charts that repeat the nearest covered one: bilinear and two mip levels stay inside
-
-/// For every texel the covered one whose value it shows: itself, the nearest within kPadding (the lower number where two tie), or kNone.
-std::vector<std::uint32_t> shownTexel(const LightMap& map, int side) {
-  std::vector<std::uint32_t> from(map.size(), kNone);
-  for (int y = 0; y < map.height; ++y)
-    for (int x = 0; x < map.width; ++x) {
-      const std::size_t i = std::size_t(y) * std::size_t(map.width) + std::size_t(x);
-      if (map.chart[i] != kNone) {
-        from[i] = std::uint32_t(i);
-        continue;
-      }
-      int best = kPadding * kPadding + 1;
-      for (int v = std::max(y / side * side, y - kPadding); v <= std::min(y / side * side + side - 1, y + kPadding); ++v)
-        for (int u = std::max(0, x - kPadding); u <= std::min(map.width - 1, x + kPadding); ++u) {
-          const std::size_t k = std::size_t(v) * std::size_t(map.width) + std::size_t(u);
-          const int d2 = (u - x) * (u - x) + (v - y) * (v - y);
-          if (d2 < best && map.chart[k] != kNone) {
-            best = d2;
-            from[i] = std::uint32_t(k);
-          }
-        }
-    }
-  return from;
-}
-
 /// Map `k` of the stack.
-void writeMap(OutputFile& file, const Bake& b, const std::vector<std::uint32_t>& from, int k) {
+void writeMap(OutputFile& file, const Bake& b, int k) {
   const auto side = std::size_t(b.uv.side);
   const std::size_t first = std::size_t(k) * side * side, n = side * side;
   const float scale = b.scales[std::size_t(k)], unit = 1.0f / scale;
-  std::vector<Rgb> total(n, Rgb(0.0f)), direct = total, indirect = total, error = total;
+  std::vector<Rgb> total(n), direct(n), indirect(n), error(n);
   std::vector<float> covered(n);
   for (std::size_t i = 0; i < n; ++i) {
     covered[i] = b.map.chart[first + i] != kNone ? 1.0f : 0.0f;
-    const std::uint32_t shown = from[first + i];
-    if (shown == kNone) continue;
-    direct[i] = unit * b.values.direct[shown];
-    indirect[i] = unit * b.values.indirect[shown];
+    direct[i] = unit * b.values.direct[first + i];
+    indirect[i] = unit * b.values.indirect[first + i];
     total[i] = direct[i] + indirect[i];
-    error[i] = unit * b.values.error[shown];
+    error[i] = unit * b.values.error[first + i];
   }
   std::vector<ExrChannel> channels{{"A", covered.data(), 1}};
   const auto add = [&](const std::string& layer, const std::vector<Rgb>& v) {
@@ -110,12 +81,11 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   };
 
   LevelMarks marks;
-  const std::vector<std::uint32_t> from = shownTexel(b.map, b.uv.side);
   const std::vector<std::string> names = mapNames(b);
   for (int k = 0; k < b.uv.maps; ++k) {
     const std::string& name = names[std::size_t(k)];
     OutputFile& map = set.open(name);
-    writeMap(map, b, from, k);
+    writeMap(map, b, k);
     listed(name, map);
     const double scale = b.scales[std::size_t(k)];
     maps.push_back({{"file", name}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", scale}, {"padding", kPadding}});
@@ -133,6 +103,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   listed("level.glb", glb);
 
   if (b.options.dumpPatches) dumpPatches(set, b);
+  if (b.options.dumpSeams) dumpSeams(set, b);
   set.open("report.json").write(report.dump(2) + "\n");
 
   Json sidecar;
@@ -154,9 +125,8 @@ std::string depfileText(const Bake& b) {
 
 void refuseToOverwriteInputs(const Bake& b) {
   std::vector<std::filesystem::path> outputs;
-  for (const char* name : {"level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png"})
+  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png", "seams.png"})
     outputs.push_back(b.options.out / name);
-  outputs.push_back(b.options.out / "lightmap.exr");
   for (int k = 0; k < b.options.uv.maxMaps; ++k) outputs.push_back(b.options.out / fmt::format("lightmap.{:03}.exr", k));
   if (!b.options.depfile.empty()) outputs.push_back(b.options.depfile);
   std::error_code missing;

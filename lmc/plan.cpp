@@ -34,6 +34,11 @@ Step automatic(Effect effect, const Facts& f) {
       if (f.largestReflectance <= 0.0f) return step(false, "every surface has albedo 0");
       if (f.blockers == 0) return step(false, "no surface that light could come back from");
       return step(true, fmt::format("surfaces reflect up to {:.3g}", f.largestReflectance));
+    case Effect::Seams:
+      if (!f.lit()) return step(false, "no light that could show a seam");
+      if (!f.smoothSeams) return step(true, "where edges of charts meet on smooth surfaces");
+      return *f.smoothSeams > 0 ? step(true, fmt::format("{} chart edges meet on smooth surfaces", *f.smoothSeams))
+                                : step(false, "no smooth seam");
   }
   return step(false, "");
 }
@@ -90,8 +95,9 @@ Plan makePlan(const std::string& effects, const Facts& facts) {
     const bool signedWord = !word.empty() && (word[0] == '+' || word[0] == '-');
     const auto effect = effectNamed(std::string_view(word).substr(signedWord ? 1 : 0));
     if (!effect || signedWord != changes)
-      throw Error(Exit::Usage, "lmc", "",
-                  fmt::format("--effects: '{}' is not an effect (direct, shadow, area, sky, bounce), or mixes a list with changes", word));
+      throw Error(
+          Exit::Usage, "lmc", "",
+          fmt::format("--effects: '{}' is not an effect (direct, shadow, area, sky, bounce, seams), or mixes a list with changes", word));
     wish[std::size_t(*effect)] = !signedWord || word[0] == '+';
   }
   for (Step& step : plan.steps) {

@@ -1,5 +1,6 @@
 #pragma once
 /// Which effects run, which do not, and why. Pure: no file is touched, so that every rule of leaving out has a test.
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,12 +17,14 @@ struct Facts {
   std::uint32_t receivers = 0;      ///< objects with a place in the light map
   std::uint32_t blockers = 0;       ///< triangles that cast shadows
   float largestReflectance = 0.0f;  ///< over materials, all channels
+  /// Edges of charts that meet on smooth surfaces; not known before all light-map UVs are there.
+  std::optional<std::uint64_t> smoothSeams{};
   bool lit() const { return pointLights + spotLights + directionalLights + emissiveTriangles > 0 || sky; }
 };
 Facts factsOf(const Scene&);
 
-enum class Effect { Direct, Shadow, Area, Sky, Bounce };
-inline constexpr const char* kEffectNames[] = {"direct", "shadow", "area", "sky", "bounce"};
+enum class Effect { Direct, Shadow, Area, Sky, Bounce, Seams };
+inline constexpr const char* kEffectNames[] = {"direct", "shadow", "area", "sky", "bounce", "seams"};
 
 struct Step {
   Effect effect;

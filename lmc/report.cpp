@@ -48,6 +48,20 @@ Json uvOf(const UvLayout& uv, const Scene& scene) {
       {"side", uv.side},   {"maps", uv.maps}, {"efficiency", uv.efficiency}, {"charts_placed", uv.charts}, {"mean_stretch", uv.meanStretch},
       {"objects", objects}};
 }
+namespace {
+Json seamsOf(const Bake& b) {
+  const auto jump = [](const SeamJump& j) {
+    return Json{{"rms_lx", j.rms}, {"largest_lx", j.largest}, {"rms", j.relativeRms}, {"largest", j.relativeLargest}};
+  };
+  const SeamResult& c = b.closed;
+  return {{"pairs", b.seams.smooth.size()}, {"creases", b.seams.creases},
+          {"samples", c.samples.size()},    {"before", jump(c.before)},
+          {"after", jump(c.after)},         {"texels", c.texels},
+          {"padding", c.padding},           {"texels_moved", c.moved},
+          {"texels_at_limit", c.limited},   {"largest_move_lx", c.largestMove_lx},
+          {"largest_move", c.largestMove},  {"rms_move", c.rmsMove}};
+}
+}  // namespace
 
 Json planOf(const Plan& plan) {
   Json steps = Json::array();
@@ -87,6 +101,8 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   for (std::size_t k = 0; k < b.scales.size(); ++k)
     r["maps"].push_back({{"file", mapNames(b)[k]}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", b.scales[k]}});
   r["uv"] = uvOf(b.uv, b.scene);
+  r["seams"] = seamsOf(b);
+  r["padding"] = {{"texels", kPadding}, {"contested", b.padding.contested.size()}};
   r["texels"] = {{"covered", e.texels}, {"gathered", e.gathered}, {"all", b.map.size()}};
   std::uint64_t twoSided = 0;
   for (const Object& o : b.scene.objects) twoSided += o.receive && b.scene.materials[o.material].doubleSided ? o.triangleCount : 0;

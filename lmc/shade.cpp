@@ -84,17 +84,22 @@ std::uint8_t encoded(double linear) {
 
 }  // namespace
 
-Exit shade(const ShadeOptions& options) {
-  const Run run = stoppableRun(options.threads);
-  const std::vector<std::uint8_t> sidecarText = readFile(options.out / "level.lmc.json");
+nlohmann::json readSidecar(const std::filesystem::path& folder) {
+  const std::vector<std::uint8_t> sidecarText = readFile(folder / "level.lmc.json");
   const auto sidecar = nlohmann::json::parse(sidecarText, nullptr, false);
   if (sidecar.is_discarded() || !sidecar.contains("files"))
-    throw Error(Exit::Broken, options.out / "level.lmc.json", "", "is not a sidecar of lmc");
+    throw Error(Exit::Broken, folder / "level.lmc.json", "", "is not a sidecar of lmc");
   for (const auto& f : sidecar["files"]) {
     const auto name = f.value("name", std::string());
-    if (name.empty() || name.find('/') != std::string::npos || contentHash(readFile(options.out / name)) != f.value("xxh3", std::string()))
-      throw Error(Exit::Broken, options.out / name, "", "is not the file that the sidecar speaks of: bake again", "LMC_HASH");
+    if (name.empty() || name.find('/') != std::string::npos || contentHash(readFile(folder / name)) != f.value("xxh3", std::string()))
+      throw Error(Exit::Broken, folder / name, "", "is not the file that the sidecar speaks of: bake again", "LMC_HASH");
   }
+  return sidecar;
+}
+
+Exit shade(const ShadeOptions& options) {
+  const Run run = stoppableRun(options.threads);
+  const nlohmann::json sidecar = readSidecar(options.out);
   const Scene scene = loadLevel(options.out / "level.glb", {}, run);
   std::vector<Map> maps;
   for (const auto& m : sidecar.value("maps", nlohmann::json::array())) {

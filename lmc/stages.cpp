@@ -105,6 +105,9 @@ void charts(Bake& b) {
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, side, b.uv.maps);
   b.map = startMap(b.scene, *b.texels, b.run);
   warnOfLostCharts(b);
+  b.seams = findSeams(b.scene);
+  b.facts.smoothSeams = b.seams.smooth.size();
+  b.plan = makePlan(b.options.effects, b.facts);  // what seams there are is known now
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
   b.summary = fmt::format("{}{} x {}, {} charts, {} texels covered", b.uv.maps == 1 ? "" : fmt::format("{} maps of ", b.uv.maps), side,
                           side, b.charts.count, covered);
@@ -380,6 +383,26 @@ void finish(Bake& b) {
   }
   b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate,
                           100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
+}
+
+void seams(Bake& b) {
+  b.padding = makePadding(b.scene, b.charts, b.map.chart, b.uv.side, b.run);
+  if (const auto& tight = b.padding.contested; !tight.empty())
+    b.run.note(
+        {{},
+         b.scene.file.string(),
+         "",
+         fmt::format("{} texels are read from two light-map charts at once, the first at ({}, {}): charts lie too near for maps of {} x {}",
+                     tight.size(), tight[0] % std::uint32_t(b.uv.side), tight[0] / std::uint32_t(b.uv.side), b.uv.side, b.uv.side),
+         "LMC_UV_TIGHT"});
+  if (!b.plan.runs(Effect::Seams)) {
+    fillPadding(b.values, b.padding);
+    b.summary = "seams left as they are";
+    return;
+  }
+  b.closed = closeSeams(b.values, b.map, b.scene, b.charts, b.padding, b.seams, b.options.goal, b.run);
+  b.summary = fmt::format("{} chart edges, jumps from {:.2f} % to {:.2f} % RMS, {} texels moved", b.seams.smooth.size(),
+                          100.0 * b.closed.before.relativeRms, 100.0 * b.closed.after.relativeRms, b.closed.moved);
 }
 
 }  // namespace lmc

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "libradiosity/light_map.h"
+#include "libradiosity/seams.h"
 #include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
 #include "libradiosity/solve_stored.h"
@@ -27,6 +28,7 @@ struct Bake {
   MemoryPlan memory;
   Charts charts;
   std::unique_ptr<TexelMap> texels;
+  Seams seams;                     ///< of the level's surface; closed where the plan says so
   std::unique_ptr<Tracer> tracer;  // trace
   LightMap map;                    // direct, hemisphere
   std::unique_ptr<DirectLight> direct;
@@ -46,6 +48,8 @@ struct Bake {
   LightMapValues values;  // finish
   ErrorLedger ledger;
   std::vector<float> scales;  ///< one a map: E = stored value * scale
+  Padding padding;            // seams
+  SeamResult closed;          ///< empty when the plan leaves seams as they are
 
   std::string summary;  ///< of the stage that runs, for the log
   double tail() const { return std::max(solutions[0].tail, solutions[1].tail) + clampedAway; }
@@ -68,6 +72,7 @@ void patches(Bake&);
 void solve(Bake&);
 void hemisphere(Bake&);
 void finish(Bake&);
+void seams(Bake&);
 
 inline constexpr std::array kStages{
     StageRow{"load", "scene", 0.02, load},
@@ -78,7 +83,8 @@ inline constexpr std::array kStages{
     StageRow{"patches", "patches", 0.02, patches},
     StageRow{"solve", "bounced light on patches", 0.12, solve},
     StageRow{"gather", "sky and bounced light", 0.6, hemisphere},
-    StageRow{"finish", "values, error, padding", 0.05, finish},
+    StageRow{"finish", "values, error", 0.03, finish},
+    StageRow{"seams", "padding, seams closed", 0.02, seams},
 };
 
 }  // namespace lmc

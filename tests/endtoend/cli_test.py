@@ -284,6 +284,33 @@ class Bakes(Case):
         self.assertEqual((groups, faces), (report["patches"]["count"], report["patches"]["faces"]))
         self.assertAlmostEqual(area, 2.0 * (3.0 * 2.4 + 3.0 * 4.0 + 2.4 * 4.0), delta=1e-4)
 
+    def test_seams_are_closed_where_the_surface_is_smooth(self):
+        _, closed = self.bake(sample("curved.glb"), "--dump", "seams")
+        files = content(self.out)
+        side = closed["maps"][0]["width"]
+        self.assertEqual(struct.unpack(">II", files["seams.png"][16:24]), (2 * side + 8, side))
+        step = [s for s in closed["plan"] if s["effect"] == "seams"][0]
+        seams = closed["seams"]
+        self.assertEqual(step, {"effect": "seams", "run": True, "because": f"{seams['pairs']} chart edges meet on smooth surfaces"})
+        # Twelve edges of the ball's cube of eight quads each; the column's three cuts.
+        self.assertEqual(seams["pairs"], 12 * 8 + 3)
+        self.assertLess(seams["after"]["largest_lx"], seams["before"]["largest_lx"] / 5.0)
+        self.assertLess(seams["after"]["rms"], seams["before"]["rms"] / 5.0)
+        self.assertGreater(seams["texels_moved"], 0)
+        self.assertLessEqual(seams["texels_moved"], seams["texels"])
+        self.assertEqual(closed["padding"]["contested"], 0)
+        _, left = self.bake(sample("curved.glb"), "--effects=-seams")
+        self.assertEqual([s["because"] for s in left["plan"] if s["effect"] == "seams"], ["--effects -seams"])
+        self.assertEqual(left["seams"]["samples"], 0)
+        self.assertNotEqual(content(self.out)["lightmap.exr"], files["lightmap.exr"])
+        # Creases alone: the stage changes no byte.
+        _, none = self.bake(sample("two_rooms.glb"))
+        self.assertEqual([s["because"] for s in none["plan"] if s["effect"] == "seams"], ["no smooth seam"])
+        self.assertGreater(none["seams"]["creases"], 0)
+        with_stage = content(self.out)["lightmap.exr"]
+        self.bake(sample("two_rooms.glb"), "--effects=-seams")
+        self.assertEqual(content(self.out)["lightmap.exr"], with_stage)
+
     def test_memory_never_changes_the_bytes(self):
         done, report = self.bake(sample("textured.gltf"), "--json")
         large = content(self.out)

@@ -42,6 +42,20 @@ TEST(Plan, BlackSurfacesNeedNoBounce) {
   EXPECT_TRUE(makePlan("auto", f).runs(Effect::Direct));
 }
 
+TEST(Plan, SeamsAreClosedWhereThereAreSmoothOnes) {
+  Facts f = room();
+  EXPECT_TRUE(makePlan("auto", f).runs(Effect::Seams)) << "not known before light-map UVs are there";
+  f.smoothSeams = 7;
+  Plan p = makePlan("auto", f);
+  EXPECT_TRUE(p.runs(Effect::Seams));
+  EXPECT_EQ(p.steps[std::size_t(Effect::Seams)].because, "7 chart edges meet on smooth surfaces");
+  EXPECT_FALSE(makePlan("-seams", f).runs(Effect::Seams));
+  f.smoothSeams = 0;
+  p = makePlan("auto", f);
+  EXPECT_FALSE(p.runs(Effect::Seams));
+  EXPECT_EQ(p.steps[std::size_t(Effect::Seams)].because, "no smooth seam");
+}
+
 TEST(Plan, EffectsCanBeListedOrChanged) {
   EXPECT_FALSE(makePlan("direct", room()).runs(Effect::Bounce));
   EXPECT_TRUE(makePlan("direct", room()).runs(Effect::Direct));

@@ -13,13 +13,14 @@ FOLDERS = {  # folder -> project folders that it may include
 }
 DOORS = {  # outside header -> files that may include it
     r'embree3/': {'libscene/tracer.cpp'},
-    r'CGAL/': {'libscene/charts.cpp'},
+    r'CGAL/': {'libscene/charts.cpp', 'libscene/flatten.cpp'},
     r'OpenMesh/': {'libradiosity/patch_mesh.cpp'},
     r'Imf|half\.h|Imath': {'libscene/exr.cpp'},
     r'png\.h|jpeglib\.h': {'libscene/image_file.cpp'},
     r'tbb/': {'libscene/parallel.h'},
     r'CLI/': {'lmc/options.cpp'},
     r'xxhash\.h': {'libscene/files.cpp'},
+    r'ceres/': {'libradiosity/seam_solve.cpp'},
     r'Eigen/': {'libradiosity/solve.cpp'},
     r'tiny_gltf\.h': {'libscene/gltf_read.h', 'libscene/gltf_read.cpp'},
 }
