@@ -1,5 +1,6 @@
 #include "libscene/image_file.h"
 
+#include <bit>
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
@@ -44,6 +45,8 @@ struct PngJob {
   png_structp png = nullptr;
   png_infop info = nullptr;
   DecodedImage result;
+  bool deep = false;  ///< then the picture goes here
+  Image<glm::u16vec4> deepImage;
   std::vector<std::uint8_t> row;
   std::string text;  ///< of the error
   bool damaged = false;
@@ -93,30 +96,42 @@ void setUpPng(PngJob& job) {
 void decodePngBody(PngJob& job) {
   png_read_info(job.png, job.info);
   const int depth = png_get_bit_depth(job.png, job.info);
-  if (depth == 16) png_set_scale_16(job.png);
-  png_set_expand(job.png);
+  if (depth == 16 && !job.deep) png_set_scale_16(job.png);
+  job.deep ? png_set_expand_16(job.png) : png_set_expand(job.png);
   png_set_gray_to_rgb(job.png);
-  png_set_add_alpha(job.png, 0xff, PNG_FILLER_AFTER);
+  png_set_add_alpha(job.png, job.deep ? 0xffff : 0xff, PNG_FILLER_AFTER);
+  if (job.deep && std::endian::native == std::endian::little) png_set_swap(job.png);
   const int passes = png_set_interlace_handling(job.png);
   png_read_update_info(job.png, job.info);
   const auto width = png_get_image_width(job.png, job.info), height = png_get_image_height(job.png, job.info);
-  if (png_get_rowbytes(job.png, job.info) != std::size_t(width) * 4) png_error(job.png, "an unknown kind of picture");
-  job.result.image = Image<glm::u8vec4>(int(width), int(height), glm::u8vec4(0, 0, 0, 255));
+  if (png_get_rowbytes(job.png, job.info) != std::size_t(width) * (job.deep ? 8 : 4)) png_error(job.png, "an unknown kind of picture");
+  if (job.deep)
+    job.deepImage = Image<glm::u16vec4>(int(width), int(height), glm::u16vec4(0, 0, 0, 65535));
+  else
+    job.result.image = Image<glm::u8vec4>(int(width), int(height), glm::u8vec4(0, 0, 0, 255));
   for (int pass = 0; pass < passes; ++pass)
-    for (png_uint_32 y = 0; y < height; ++y)
-      png_read_row(job.png, reinterpret_cast<png_bytep>(&job.result.image.pixels[std::size_t(y) * width]), nullptr);
+    for (png_uint_32 y = 0; y < height; ++y) {
+      const std::size_t at = std::size_t(y) * width;
+      png_read_row(
+          job.png,
+          job.deep ? reinterpret_cast<png_bytep>(&job.deepImage.pixels[at]) : reinterpret_cast<png_bytep>(&job.result.image.pixels[at]),
+          nullptr);
+    }
 }
 
-DecodedImage decodePng(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels) {
+/// With `deep` the picture has 16 bits a channel and goes there.
+DecodedImage decodePng(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels, Image<glm::u16vec4>* deep = nullptr) {
   if (auto bad = pngHeaderProblem(bytes, maxPixels)) return problem(bad->text, bad->code);
   PngJob job;
   job.bytes = bytes;
+  job.deep = deep != nullptr;
   job.png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &job, pngFailed, pngWarned);
   job.info = job.png ? png_create_info_struct(job.png) : nullptr;
   if (!job.info) throw std::bad_alloc();
   if (setjmp(png_jmpbuf(job.png))) return problem("the PNG cannot be decoded: " + job.text, "LMC_TEXTURE_BAD");
   setUpPng(job);
   decodePngBody(job);
+  if (deep) *deep = std::move(job.deepImage);
   // All rows are there: what is wrong behind them costs a warning, not the picture.
   if (setjmp(png_jmpbuf(job.png))) {
     if (job.result.warning.empty()) job.result.warning = job.text;
@@ -191,6 +206,8 @@ DecodedImage decodeJpeg(std::span<const std::uint8_t> bytes, std::uint64_t maxPi
   return std::move(job.result);
 }
 
+constexpr std::uint8_t kPng[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+
 // ---- writing
 
 struct PngWriter {
@@ -209,7 +226,6 @@ void pngWrite(png_structp png, png_bytep from, std::size_t count) {
 }  // namespace
 
 DecodedImage decodeImage(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels) {
-  static constexpr std::uint8_t kPng[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
   static constexpr std::uint8_t kJpeg[3] = {0xff, 0xd8, 0xff};
   const auto startsWith = [&](std::span<const std::uint8_t> magic) {
     return bytes.size() >= magic.size() && std::memcmp(bytes.data(), magic.data(), magic.size()) == 0;
@@ -219,26 +235,52 @@ DecodedImage decodeImage(std::span<const std::uint8_t> bytes, std::uint64_t maxP
   return problem("neither a PNG nor a JPEG", "LMC_TEXTURE_TYPE");
 }
 
-std::vector<std::uint8_t> encodePng(const Image<glm::u8vec4>& image, bool withAlpha) {
+DecodedDeepImage decodeDeepImage(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels) {
+  DecodedDeepImage out;
+  if (bytes.size() >= sizeof kPng && std::memcmp(bytes.data(), kPng, sizeof kPng) == 0) {
+    DecodedImage png = decodePng(bytes, maxPixels, &out.image);
+    out.problem = std::move(png.problem);
+    out.warning = std::move(png.warning);
+    return out;
+  }
+  DecodedImage shallow = decodeImage(bytes, maxPixels);
+  out.problem = std::move(shallow.problem);
+  out.warning = std::move(shallow.warning);
+  out.image = Image<glm::u16vec4>(shallow.image.width, shallow.image.height);
+  for (std::size_t i = 0; i < out.image.pixels.size(); ++i) out.image.pixels[i] = glm::u16vec4(257u * glm::uvec4(shallow.image.pixels[i]));
+  return out;
+}
+
+namespace {
+
+template <class Channel, class Pixel>
+std::vector<std::uint8_t> encode(const Image<Pixel>& image, bool withAlpha) {
   PngWriter writer;
   writer.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
   writer.info = writer.png ? png_create_info_struct(writer.png) : nullptr;
   if (!writer.info) throw std::bad_alloc();
-  const int channels = withAlpha ? 4 : 3;
-  writer.row.resize(std::size_t(image.width) * std::size_t(channels));
+  const int channels = withAlpha ? 4 : 3, bytes = int(sizeof(Channel));
+  writer.row.resize(std::size_t(image.width) * std::size_t(channels * bytes));
   if (setjmp(png_jmpbuf(writer.png))) throw std::runtime_error("libpng cannot write a picture of this size");
   png_set_write_fn(writer.png, &writer, pngWrite, nullptr);
-  png_set_IHDR(writer.png, writer.info, png_uint_32(image.width), png_uint_32(image.height), 8,
+  png_set_IHDR(writer.png, writer.info, png_uint_32(image.width), png_uint_32(image.height), 8 * bytes,
                withAlpha ? PNG_COLOR_TYPE_RGB_ALPHA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                PNG_FILTER_TYPE_DEFAULT);
   png_write_info(writer.png, writer.info);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x)
-      for (int c = 0; c < channels; ++c) writer.row[std::size_t(x * channels + c)] = image.at(x, y)[c];
+      for (int c = 0; c < channels; ++c)
+        for (int b = 0; b < bytes; ++b)  // the high byte first
+          writer.row[std::size_t((x * channels + c) * bytes + b)] = std::uint8_t(image.at(x, y)[c] >> 8 * (bytes - 1 - b));
     png_write_row(writer.png, writer.row.data());
   }
   png_write_end(writer.png, writer.info);
   return std::move(writer.bytes);
 }
+
+}  // namespace
+
+std::vector<std::uint8_t> encodePng(const Image<glm::u8vec4>& image, bool withAlpha) { return encode<std::uint8_t>(image, withAlpha); }
+std::vector<std::uint8_t> encodePng(const Image<glm::u16vec4>& image, bool withAlpha) { return encode<std::uint16_t>(image, withAlpha); }
 
 }  // namespace lmc

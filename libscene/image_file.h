@@ -26,7 +26,17 @@ struct DecodedImage {
 };
 DecodedImage decodeImage(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels);
 
+/// The same with 16 bits a channel: as stored where the file has them, else spread over the whole range (255 -> 65535).
+struct DecodedDeepImage {
+  Image<glm::u16vec4> image;
+  std::optional<ImageProblem> problem;
+  std::string warning;
+};
+DecodedDeepImage decodeDeepImage(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels);
+
 /// A PNG file in memory, 8 bit RGB(A), no time stamp.
 std::vector<std::uint8_t> encodePng(const Image<glm::u8vec4>& image, bool withAlpha);
+/// The same with 16 bits a channel.
+std::vector<std::uint8_t> encodePng(const Image<glm::u16vec4>& image, bool withAlpha);
 
 }  // namespace lmc

@@ -144,7 +144,8 @@ std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, cons
     if (o.receive && o.triangleCount > 0 && json["nodes"].at(o.node).contains("mesh"))
       lmcOf(json["nodes"][o.node])["lightmap"] = lightmapOf(o, marks);
   for (const std::uint32_t node : marks.bakedLightNodes) lmcOf(json["nodes"].at(node))["baked"] = true;
-  if (marks.newUvs) edit.dropUnused();
+  if (marks.more) marks.more(edit);
+  if (marks.newUvs || marks.more) edit.dropUnused();
   return edit.glb();
 }
 

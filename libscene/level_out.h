@@ -2,6 +2,7 @@
 /// The level as it goes out: the input with its map UVs and marks, everything else of it kept.
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -15,12 +16,15 @@ struct MapFile {
   double scale = 1.0;  ///< E = texel * scale [lx]
 };
 
+class GltfEdit;
+
 /// What is written into a level.
 struct LevelMarks {
   std::vector<MapFile> maps;                   ///< by Object::map; empty = no light was baked
   std::vector<std::uint32_t> bakedLightNodes;  ///< get extras.lmc.baked = true
   bool newUvs = false;                         ///< map UVs are the scene's, no longer the file's
   int side = 0;                                ///< of the maps [texels]; with new UVs it becomes the level's lightmap.resolution
+  std::function<void(GltfEdit&)> more = {};    ///< what else is to be changed, last; may be empty
 };
 
 /// One self-contained GLB, in memory: the JSON of `level`, of which `scene` was made, with `extras.lmc.lightmap` of every node that has a

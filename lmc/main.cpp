@@ -9,7 +9,9 @@
 
 #include "lmc/bake.h"
 #include "lmc/compare.h"
+#include "lmc/normals.h"
 #include "lmc/shade.h"
+#include "lmc/tangents.h"
 #include "lmc/uv_jobs.h"
 #include "lmc/verify.h"
 
@@ -36,6 +38,8 @@ struct Perform {
   lmc::Exit operator()(const lmc::CompareOptions& o) const { return lmc::compare(o); }
   lmc::Exit operator()(const lmc::ShadeOptions& o) const { return lmc::shade(o); }
   lmc::Exit operator()(const lmc::VerifyOptions& o) const { return lmc::verify(o); }
+  lmc::Exit operator()(const lmc::TangentsOptions& o) const { return lmc::tangents(o); }
+  lmc::Exit operator()(const lmc::NormalsOptions& o) const { return lmc::normals(o); }
   lmc::Exit operator()(const lmc::UnwrapOptions& o) const { return lmc::unwrap(o); }
   lmc::Exit operator()(const lmc::InfoOptions& o) const { return lmc::showInfo(o); }
   lmc::Exit operator()(const lmc::AttachOptions& o) const { return lmc::attach(o); }

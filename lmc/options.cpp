@@ -185,6 +185,71 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
   addInputLimits(app, o.limits);
 }
 
+void addGreen(CLI::App* app, bool& down) {
+  app->add_option_function<std::string>(
+         "--green", [&down](const std::string& t) { down = t == "down"; }, "where green of a normal map points: up (glTF) or down (V)")
+      ->check(CLI::IsMember({"up", "down"}))
+      ->type_name("WAY")
+      ->default_str("up");
+}
+
+void addNormals(CLI::App* app, NormalsOptions& o, std::string& from, std::string& as) {
+  app->add_option("--from", from, "object or tangent (the space of --map), a model with more polygons (.glb, .gltf), or a picture")
+      ->required()
+      ->type_name("SOURCE");
+  app->add_option("--to", "space of what is written: tangent (default) or object")
+      ->each([&o](const std::string& t) { o.toObject = t == "object"; })
+      ->check(CLI::IsMember({"tangent", "object"}))
+      ->type_name("SPACE");
+  app->add_option("--map", o.map, "normal map to convert, PNG or JPEG")->type_name("FILE");
+  app->add_option("--mesh", o.mesh, "model that the map is for; its nodes' transforms are applied, TEXCOORD_0 is used")->type_name("FILE");
+  app->add_option("-o,--out", o.out, "PNG file to write")->required();
+  app->add_option("--as", as, "what a picture is: height (its first channel, default) or diffuse (its luminance is the height)")
+      ->check(CLI::IsMember({"height", "diffuse"}))
+      ->type_name("KIND");
+  app->add_option("--scale", o.scale, "height of white above black, in widths of the picture")
+      ->capture_default_str()
+      ->check(CLI::Range(-1e6, 1e6));
+  app->add_option_function<std::string>(
+         "--wrap", [&o](const std::string& t) { o.repeat = t == "repeat"; }, "at the borders: repeat (default) or clamp")
+      ->check(CLI::IsMember({"repeat", "clamp"}))
+      ->type_name("KIND");
+  app->add_option("--filter", "derivative: central (default), sobel or scharr")
+      ->each([&o](const std::string& t) { o.filter = t == "central" ? 0
+                                                     : t == "sobel" ? 1
+                                                                    : 2; })
+      ->check(CLI::IsMember({"central", "sobel", "scharr"}))
+      ->type_name("KIND");
+  app->add_option("--cage", o.cage_m,
+                  "how far above and below the model its polygons are looked for [m; default: a twentieth of its extent]")
+      ->check(CLI::Range(1e-9, 1e9));
+  app->add_option("--size", o.size, "side of a map from a model [texels]")->capture_default_str()->check(CLI::Range(1, 16384));
+  app->add_option("--bits", o.bits, "of a channel")->capture_default_str()->check(CLI::IsMember({8, 16}));
+  addGreen(app, o.greenDown);
+  app->add_flag("--json", o.json, "print the report as JSON");
+  app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+}
+
+/// What --from and --as mean.
+NormalsOptions settled(NormalsOptions o, const std::string& from, const std::string& as) {
+  using Source = NormalsOptions::Source;
+  const bool map = from == "object" || from == "tangent";
+  const std::filesystem::path file = from;
+  if (map != !o.map.empty())
+    throw Error(Exit::Usage, "lmc", "", "normals: --map belongs to --from object and --from tangent, and only to them");
+  if (map)
+    o.source = from == "object" ? Source::Object : Source::Tangent;
+  else
+    o.source = file.extension() == ".glb" || file.extension() == ".gltf" ? Source::Model
+               : as == "diffuse"                                         ? Source::Picture
+                                                                         : Source::Height;
+  if (!map) o.map = file;
+  if ((o.source == Source::Model || o.toObject != (o.source == Source::Object)) && o.mesh.empty() &&
+      (o.source == Source::Model || map || o.toObject))
+    throw Error(Exit::Usage, "lmc", "", "normals: this needs the model that the map is for: --mesh FILE.glb");
+  return o;
+}
+
 constexpr const char* kExitCodes =
     "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is "
     "not "
@@ -264,13 +329,29 @@ Command parseCommandLine(int argc, const char* const* argv) {
   shadeApp->add_option("-j,--threads", shade.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
   VerifyOptions verify;
-  CLI::App* verifyApp = app.add_subcommand("verify", "run analytic reference cases through the libraries; exit code 6 when one fails");
-  verifyApp->add_option("CASES", verify.files, "files of cases (JSON, schema lmc-analytic/1)")->required();
+  CLI::App* verifyApp =
+      app.add_subcommand("verify", "run analytic reference cases and tangent vectors through the libraries; exit code 6 when one fails");
+  verifyApp->add_option("CASES", verify.files, "files of cases (JSON, schema lmc-analytic/1) or of tangent vectors (.tspace)")->required();
   verifyApp->add_option("--only", verify.only, "run the case of this id, or all whose id begins so")->type_name("ID");
   verifyApp->add_flag("--json", verify.json, "print the results as JSON");
   verifyApp->add_option("--seed", verify.seed, "of all random numbers")->capture_default_str();
   verifyApp->add_option("-j,--threads", verify.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
+  TangentsOptions tangents;
+  CLI::App* tangentsApp = app.add_subcommand("tangents", "write tangents after MikkTSpace into a glTF file, where materials call for them");
+  tangentsApp->add_option("IN", tangents.in, "file to read, .glb or .gltf")->required();
+  tangentsApp->add_option("-o,--out", tangents.out, "GLB file to write")->required();
+  tangentsApp->add_flag("--regenerate", tangents.how.regenerate, "make those anew that the file has; else they are checked and kept");
+  tangentsApp->add_flag("--all", tangents.how.all, "also where no normal map calls for them, by TEXCOORD_0");
+  addGreen(tangentsApp, tangents.how.greenDown);
+  tangentsApp->add_flag("--json", tangents.json, "print the report as JSON");
+  tangentsApp->add_option("-j,--threads", tangents.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+
+  NormalsOptions normals;
+  std::string normalsFrom, normalsAs = "height";
+  CLI::App* normalsApp =
+      app.add_subcommand("normals", "normal maps: to and from tangent space, from heights, pictures and models of more polygons");
+  addNormals(normalsApp, normals, normalsFrom, normalsAs);
   UnwrapOptions unwrap;
   CLI::App* unwrapApp = app.add_subcommand("unwrap", "make, repair or keep light-map UVs, and write the level with them");
   unwrapApp->add_option("LEVEL", unwrap.level, "level to read, .glb or .gltf")->required();
@@ -327,6 +408,8 @@ Command parseCommandLine(int argc, const char* const* argv) {
   if (*planApp) return plan;
   if (*compareApp) return compare;
   if (*verifyApp) return verify;
+  if (*tangentsApp) return tangents;
+  if (*normalsApp) return settled(normals, normalsFrom, normalsAs);
   if (*unwrapApp) return unwrap;
   if (*infoApp) return info;
   if (*attachApp) return attach;

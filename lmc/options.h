@@ -68,6 +68,38 @@ struct VerifyOptions {
   int threads = 0;
 };
 
+struct TangentOptions {
+  bool regenerate = false;  ///< tangents of the file go, else they stay
+  bool all = false;         ///< primitives whose material asks for none, too
+  bool greenDown = false;   ///< for normal maps whose green points along V: determinants turned about
+};
+
+struct TangentsOptions {
+  std::filesystem::path in, out;
+  TangentOptions how;
+  bool json = false;
+  int threads = 0;
+  LoadLimits limits;
+};
+
+struct NormalsOptions {
+  enum class Source { Object, Tangent, Height, Picture, Model } source = Source::Height;
+  std::filesystem::path map;   ///< the map, the heights, the picture or the model with more polygons
+  std::filesystem::path mesh;  ///< the model that the map is for
+  std::filesystem::path out;
+  bool toObject = false;  ///< else tangent space
+  bool greenDown = false;
+  int bits = 8;
+  int size = 1024;      ///< side of a map from a model [texels]
+  double scale = 0.05;  ///< height of white above black, in widths of the picture
+  bool repeat = true;
+  int filter = 0;       ///< Derivative
+  double cage_m = 0.0;  ///< 0 = a twentieth of the model's extent
+  bool json = false;
+  int threads = 0;
+  LoadLimits limits;
+};
+
 struct UnwrapOptions {
   std::filesystem::path level, out;
   UvOptions uv;
@@ -98,7 +130,7 @@ struct ShowText {
 };
 
 using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, UnwrapOptions, InfoOptions,
-                             AttachOptions, ShowText>;
+                             AttachOptions, TangentsOptions, NormalsOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc

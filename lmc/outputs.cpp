@@ -8,6 +8,8 @@
 #include "libscene/level_out.h"
 #include "lmc/dump.h"
 
+#include "lmc/tangents.h"
+
 namespace lmc {
 
 namespace {
@@ -93,6 +95,8 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   for (const Light& l : b.scene.lights) marks.bakedLightNodes.push_back(l.node);
   marks.newUvs = b.uv.changed();
   marks.side = b.uv.side;
+  std::vector<PrimitiveTangents> tangents;
+  marks.more = [&](GltfEdit& edit) { tangents = addTangents(edit, {}, Run{b.options.threads, b.options.seed, {}, {}}); };
   const std::vector<std::uint8_t> level = levelWithMaps(b.options.level, b.options.limits, b.scene, marks);
   OutputFile& glb = set.open("level.glb");
   glb.write(level.data(), level.size());
@@ -107,6 +111,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   sidecar["unit"] = "lx";
   sidecar["space"] = "linear Rec. 709";
   sidecar["maps"] = maps;
+  sidecar["tangents"] = summaryOf(tangents);
   sidecar["nodes"] = nodesOf(b);
   sidecar["files"] = files;
   set.open("level.lmc.json").write(sidecar.dump(2) + "\n");

@@ -9,7 +9,9 @@
 
 #include "libscene/files.h"
 #include "libscene/parallel.h"
+#include "lmc/tangent_loop.h"
 #include "lmc/verify_case.h"
+#include "lmc/verify_tangent.h"
 
 namespace lmc {
 
@@ -33,6 +35,7 @@ struct Judged {
 struct Result {
   std::string id, kind, result, why, note;
   std::vector<Judged> values;
+  std::vector<WrongCorner> corners;  ///< of tangent vectors
 };
 
 double toleranceOf(const Parameters& tol, const char* key) { return tol.numberOr(key, 0.0); }
@@ -150,6 +153,7 @@ Json asJson(const Result& r) {
     if (j.standardError) v["standard_error"] = number(*j.standardError);
     out["values"].push_back(v);
   }
+  for (const WrongCorner& c : r.corners) out["corners"].push_back({{"corner", c.corner}, {"what", c.what}});
   return out;
 }
 
@@ -159,8 +163,31 @@ void print(const Result& r) {
                j.name, j.exact, j.got, j.error, j.tolerance, j.kind);
   if (!r.why.empty())
     fmt::print("{:<4} {:<22} {}{}{}\n", r.result == "fail" ? "FAIL" : "out", r.id, r.why, r.note.empty() ? "" : "; ", r.note);
+  else if (r.values.empty())
+    fmt::print("{:<4} {:<22} {:<14} {}\n", r.result == "fail" ? "FAIL" : r.result, r.id, r.kind, r.note);
+  for (const WrongCorner& c : r.corners) fmt::print("     {:<22} corner {}\n", r.id, c.what);
   std::fflush(stdout);
 }
+
+Result resultOf(const std::string& id, const char* kind, const TangentVerdict& verdict) {
+  Result r;
+  r.id = id;
+  r.kind = kind;
+  r.result = verdict.wrong > 0 ? "fail" : "pass";
+  r.note = verdict.summary;
+  r.corners = verdict.first;
+  return r;
+}
+
+/// A file of tangent vectors is two cases: exact mode against the reference, and safe mode against its promises.
+std::vector<Result> runTangents(const std::string& id, const TangentVectors& vectors, const Run& run) {
+  const tangent::Loop loop = tangentLoop(run);
+  const tangent::ReferenceTangents exact = tangent::computeReference(vectors.surface(), loop);
+  const tangent::Tangents safe = tangent::compute(vectors.surface(), loop);
+  return {resultOf(id, "tangent/exact", judgeExact(vectors, exact)), resultOf(id, "tangent/safe", judgeSafe(vectors, exact, safe))};
+}
+
+bool isTangentFile(const std::filesystem::path& file) { return file.extension() == ".tspace"; }
 
 nlohmann::json readCases(const std::filesystem::path& file) {
   const std::vector<std::uint8_t> bytes = readFile(file);
@@ -181,7 +208,11 @@ Exit verify(const VerifyOptions& options) {
   const VerifyContext context{options.threads, options.seed};
   // All files are read before the first case runs: a name mistyped at the end is not found after minutes.
   std::vector<nlohmann::json> documents;
-  for (const std::filesystem::path& file : options.files) documents.push_back(readCases(file));
+  std::vector<TangentVectors> vectors;
+  for (const std::filesystem::path& file : options.files) {
+    vectors.push_back(isTangentFile(file) ? readTangentVectors(file) : TangentVectors{});
+    documents.push_back(isTangentFile(file) ? nlohmann::json{{"cases", nlohmann::json::array()}} : readCases(file));
+  }
   // A whole id means that case alone, though other ids may begin with it.
   bool exact = false;
   for (std::size_t f = 0; f < documents.size(); ++f) {
@@ -191,18 +222,28 @@ Exit verify(const VerifyOptions& options) {
   const auto wanted = [&](const std::string& id) { return exact ? id == options.only : id.starts_with(options.only); };
   Json cases = Json::array();
   std::size_t passed = 0, failed = 0, leftOut = 0;
+  const auto tell = [&](const Result& r) {
+    ++(r.result == "pass" ? passed : r.result == "fail" ? failed : leftOut);
+    if (options.json)
+      cases.push_back(asJson(r));
+    else
+      print(r);
+  };
+  const Run run{options.threads, options.seed, {}, {}};
   for (std::size_t f = 0; f < documents.size(); ++f) {
+    const std::string stem = options.files[f].stem().string();
+    if (isTangentFile(options.files[f]) && wanted(stem)) {
+      std::vector<Result> results;
+      withThreads(run, [&] { results = runTangents(stem, vectors[f], run); });
+      for (const Result& r : results) tell(r);
+    }
     const Parameters list = Parameters(documents[f], options.files[f].string(), "")["cases"];
     for (std::size_t i = 0; i < list.size(); ++i) {
       const Parameters c = list.at(i);
       if (!wanted(c["id"].text())) continue;
       Result r;
-      withThreads(Run{options.threads, options.seed, {}, {}}, [&] { r = runCase(c, context); });
-      ++(r.result == "pass" ? passed : r.result == "fail" ? failed : leftOut);
-      if (options.json)
-        cases.push_back(asJson(r));
-      else
-        print(r);
+      withThreads(run, [&] { r = runCase(c, context); });
+      tell(r);
     }
   }
   if (options.json)

@@ -1,5 +1,5 @@
 #pragma once
-/// `lmc verify`: analytic reference cases (schema lmc-analytic/1) through the libraries.
+/// `lmc verify`: analytic reference cases (schema lmc-analytic/1) and tangent vectors (.tspace) through the libraries.
 #include "libscene/error.h"
 #include "lmc/options.h"
 

@@ -1,8 +1,21 @@
 #!/usr/bin/env python3
 """lmc verify: the project's own cases pass, wrong ones do not, unknown ones are left out. With --shared: the cases beside the project."""
-import argparse, copy, json, pathlib, subprocess, sys, tempfile
+import argparse, copy, json, pathlib, struct, subprocess, sys, tempfile
 
 MAY_BE_LEFT_OUT = ('attenuation/guard', 'ao/')
+
+
+def tspace(x):
+    """One triangle with U along X as a file of tangent vectors; x = what its tangents are said to be."""
+    arrays = [(b'positions', 3, [0, 0, 0, 1, 0, 0, 0, 1, 0]), (b'normals', 3, [0, 0, 1] * 3), (b'texcoords', 2, [0, 0, 1, 0, 0, 1]),
+              (b'indices', 1, [0, 1, 2]), (b'tangents', 4, [x, 0, 0, 1] * 3)]
+    table, data, start = b'', b'', 16 + 32 * len(arrays)
+    for name, components, values in arrays:
+        whole = name == b'indices'
+        table += struct.pack('<16sIIII', name, int(whole), components, len(values) // components, start + len(data))
+        data += struct.pack(f'<{len(values)}{"I" if whole else "f"}', *values)
+        data += bytes(-len(data) % 16)
+    return b'TSPACE01' + struct.pack('<II', len(arrays), 0) + table + data
 
 
 def main():
@@ -36,6 +49,9 @@ def main():
             print('left out: no analytic references beside the project')
             return 77
         all_pass(sorted(folder.glob('*.json')))
+        vectors = sorted(pathlib.Path(a.shared, 'references', 'tangent').glob('*.tspace'))
+        if vectors:
+            all_pass(vectors)
         print('\n'.join(bad) or 'all as it should be')
         return 1 if bad else 0
 
@@ -70,6 +86,17 @@ def main():
         expect('another schema', r.returncode == 3 and '/schema' in r.stderr, r.stderr)
         file.write_text('{')
         expect('no JSON', run(file).returncode == 3)
+        vectors = pathlib.Path(folder, 'square.tspace')
+        vectors.write_bytes(tspace(1.0))
+        r = run(vectors)
+        expect('tangent vectors', r.returncode == 0 and '2 passed, 0 failed' in r.stdout, r.stdout + r.stderr)
+        vectors.write_bytes(tspace(-1.0))
+        r = run('--json', vectors)
+        wrong = json.loads(r.stdout)['cases'][0]
+        expect('a wrong tangent is named', r.returncode == 6 and wrong['corners'][0]['corner'] == 0, r.stdout + r.stderr)
+        vectors.write_bytes(tspace(1.0)[:-8])
+        r = run(vectors)
+        expect('cut tangent vectors', r.returncode == 3 and 'beyond the end' in r.stderr, r.stderr)
         expect('no file', run(pathlib.Path(folder, 'nowhere.json')).returncode == 2)
         expect('no file named', run().returncode == 1)
     r = run('--only', 'own.element.1', element)
