@@ -160,6 +160,15 @@ void keepUsed(Json& json, const char* array, ForUses forUses) {
   forUses(json, [&](Json& index) { index = now[index.get<std::size_t>()]; });
 }
 
+/// What the accessor readers want to know of a primitive.
+tinygltf::Primitive typedPrimitive(const Json& json) {
+  tinygltf::Primitive out;
+  out.mode = json.value("mode", TINYGLTF_MODE_TRIANGLES);
+  out.indices = json.value("indices", -1);
+  for (const auto& [name, accessor] : json["attributes"].items()) out.attributes[name] = accessor.get<int>();
+  return out;
+}
+
 std::size_t fingerprint(std::span<const std::uint32_t> values) {
   std::uint64_t h = values.size();
   for (const std::uint32_t v : values) h = combine(h, v);
@@ -177,19 +186,35 @@ struct GltfEdit::State {
     checkIndexValues(file, model);
     for (const char* array : {"accessors", "buffers", "bufferViews"})
       if (!member(json, array)) json[array] = Json::array();
-    bin = mergeBuffers(json, file.buffers);
+    own = file.buffers.size();
+    file.buffers.push_back(mergeBuffers(json, file.buffers));
   }
 
-  std::size_t addView(std::span<const std::uint8_t> bytes, int target) {
-    pad(bin, 4, 0);
-    Json view = {{"buffer", 0}, {"byteOffset", bin.size()}, {"byteLength", bytes.size()}};
+  std::vector<std::uint8_t>& bin() { return file.buffers[own]; }
+
+  std::size_t addView(std::span<const std::uint8_t> bytes, int target, std::size_t stride = 0) {
+    pad(bin(), 4, 0);
+    Json view = {{"buffer", 0}, {"byteOffset", bin().size()}, {"byteLength", bytes.size()}};
+    // What is added can be read again as what was there.
+    tinygltf::BufferView& typed = model.bufferViews.emplace_back();
+    typed.buffer = int(own);
+    typed.byteOffset = bin().size();
+    typed.byteLength = bytes.size();
+    typed.byteStride = stride;
     if (target != 0) view["target"] = target;
-    bin.insert(bin.end(), bytes.begin(), bytes.end());
+    if (stride != 0) view["byteStride"] = stride;
+    bin().insert(bin().end(), bytes.begin(), bytes.end());
     json["bufferViews"].push_back(std::move(view));
     return json["bufferViews"].size() - 1;
   }
 
-  std::uint32_t addAccessor(Json accessor) {
+  std::uint32_t addAccessor(Json accessor, int type) {
+    tinygltf::Accessor& typed = model.accessors.emplace_back();
+    typed.bufferView = accessor["bufferView"].get<int>();
+    typed.componentType = accessor["componentType"].get<int>();
+    typed.normalized = accessor.value("normalized", false);
+    typed.count = accessor["count"].get<std::size_t>();
+    typed.type = type;
     json["accessors"].push_back(std::move(accessor));
     return std::uint32_t(json["accessors"].size() - 1);
   }
@@ -200,26 +225,26 @@ struct GltfEdit::State {
   LoadLimits limits;
   GltfFile file;  ///< as it came in
   tinygltf::Model model;
-  Json json;                                                   ///< as it goes out
-  std::vector<std::uint8_t> bin;                               ///< buffer 0 of it
-  std::map<std::pair<int, std::size_t>, std::uint32_t> known;  ///< accessor and fingerprint of its vertices -> the new accessor
-  std::map<std::size_t, std::uint32_t> knownTriangles;         ///< by fingerprint
+  Json json;                                                         ///< as it goes out
+  std::size_t own = 0;                                               ///< into file.buffers: buffer 0 of what goes out
+  std::map<std::pair<int, std::size_t>, std::uint32_t> known;        ///< accessor and fingerprint of its vertices -> the new accessor
+  std::map<std::pair<int, std::size_t>, std::uint32_t> knownFloats;  ///< by components and fingerprint
+  std::map<std::size_t, std::uint32_t> knownTriangles;               ///< by fingerprint
 };
 
 std::uint32_t GltfEdit::State::gathered(int accessor, std::span<const std::uint32_t> source) {
   const auto [it, fresh] = known.try_emplace({accessor, fingerprint(source)});
   if (!fresh) return it->second;
-  const tinygltf::Accessor& a = model.accessors[std::size_t(accessor)];
+  const tinygltf::Accessor a = model.accessors[std::size_t(accessor)];  // a copy: the list grows
   const std::vector<std::uint8_t> from = readBytes(file, model, accessor);
   const std::size_t size = a.count > 0 ? from.size() / a.count : 0, stride = (size + 3) / 4 * 4;
   std::vector<std::uint8_t> to(source.size() * stride, 0);
   for (std::size_t i = 0; i < source.size(); ++i) std::memcpy(to.data() + i * stride, from.data() + source[i] * size, size);
 
-  Json out = file.json["accessors"][std::size_t(accessor)];
+  Json out = json["accessors"][std::size_t(accessor)];
   const bool bounded = out.contains("min");
   for (const char* key : {"sparse", "byteOffset", "min", "max"}) out.erase(key);
-  out["bufferView"] = addView(to, kArrayBuffer);
-  if (stride != size) json["bufferViews"].back()["byteStride"] = stride;
+  out["bufferView"] = addView(to, kArrayBuffer, stride != size ? stride : 0);
   out["count"] = source.size();
   if (bounded && !source.empty()) {
     const auto n = std::size_t(componentCount(a));
@@ -236,7 +261,7 @@ std::uint32_t GltfEdit::State::gathered(int accessor, std::span<const std::uint3
       }
     }
   }
-  return it->second = addAccessor(std::move(out));
+  return it->second = addAccessor(std::move(out), a.type);
 }
 
 GltfEdit::GltfEdit(const std::filesystem::path& level, const LoadLimits& limits)
@@ -265,12 +290,12 @@ void GltfEdit::embedImages() {
 }
 
 std::vector<glm::uvec3> GltfEdit::triangles(std::uint32_t mesh, std::uint32_t primitive) const {
-  const tinygltf::Primitive& from = state_->model.meshes[mesh].primitives[primitive];
+  const tinygltf::Primitive from = typedPrimitive(state_->json["meshes"].at(mesh)["primitives"].at(primitive));
   return hasTriangles(from) ? readTriangles(state_->file, state_->model, from) : std::vector<glm::uvec3>();
 }
 
 std::vector<float> GltfEdit::attribute(std::uint32_t mesh, std::uint32_t primitive, const char* name, int components) const {
-  const auto& attributes = state_->model.meshes[mesh].primitives[primitive].attributes;
+  const auto attributes = typedPrimitive(state_->json["meshes"].at(mesh)["primitives"].at(primitive)).attributes;
   const auto it = attributes.find(name);
   if (it == attributes.end() || componentCount(state_->model.accessors[std::size_t(it->second)]) != components) return {};
   return readFloats(state_->file, state_->model, it->second);
@@ -304,12 +329,15 @@ std::vector<GltfEdit::Json> GltfEdit::expandInstances(std::uint32_t node) {
 
 std::uint32_t GltfEdit::addFloats(std::span<const float> values, int components) {
   constexpr const char* kTypes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
-  const std::size_t view =
-      state_->addView({reinterpret_cast<const std::uint8_t*>(values.data()), values.size() * sizeof(float)}, kArrayBuffer);
-  return state_->addAccessor({{"bufferView", view},
-                              {"componentType", TINYGLTF_COMPONENT_TYPE_FLOAT},
-                              {"count", values.size() / std::size_t(components)},
-                              {"type", kTypes[components - 1]}});
+  const std::span bits(reinterpret_cast<const std::uint32_t*>(values.data()), values.size());
+  const auto [it, fresh] = state_->knownFloats.try_emplace({components, fingerprint(bits)});
+  if (!fresh) return it->second;
+  const std::size_t view = state_->addView({reinterpret_cast<const std::uint8_t*>(values.data()), values.size_bytes()}, kArrayBuffer);
+  return it->second = state_->addAccessor({{"bufferView", view},
+                                           {"componentType", TINYGLTF_COMPONENT_TYPE_FLOAT},
+                                           {"count", values.size() / std::size_t(components)},
+                                           {"type", kTypes[components - 1]}},
+                                          components == 1 ? TINYGLTF_TYPE_SCALAR : components);
 }
 
 std::uint32_t GltfEdit::addTriangles(std::span<const glm::uvec3> triangles) {
@@ -326,7 +354,8 @@ std::uint32_t GltfEdit::addTriangles(std::span<const glm::uvec3> triangles) {
   return state_->addAccessor({{"bufferView", view},
                               {"componentType", small ? TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT : TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT},
                               {"count", triangles.size() * 3},
-                              {"type", "SCALAR"}});
+                              {"type", "SCALAR"}},
+                             TINYGLTF_TYPE_SCALAR);
 }
 
 GltfEdit::Json GltfEdit::withVertices(const Json& primitive, const NewVertices& vertices) {
@@ -362,20 +391,20 @@ void GltfEdit::dropUnused() {
     pad(bin, 4, 0);
     const auto start = view["byteOffset"].get<std::size_t>(), length = view["byteLength"].get<std::size_t>();
     view["byteOffset"] = bin.size();
-    bin.insert(bin.end(), state_->bin.begin() + std::ptrdiff_t(start), state_->bin.begin() + std::ptrdiff_t(start + length));
+    bin.insert(bin.end(), state_->bin().begin() + std::ptrdiff_t(start), state_->bin().begin() + std::ptrdiff_t(start + length));
   }
-  state_->bin = std::move(bin);
+  state_->bin() = std::move(bin);
 }
 
 std::vector<std::uint8_t> GltfEdit::glb() {
   Json& json = state_->json;
-  if (!state_->bin.empty()) json["buffers"][0]["byteLength"] = state_->bin.size();
+  if (!state_->bin().empty()) json["buffers"][0]["byteLength"] = state_->bin().size();
   // Without bytes nothing can point to buffer 0, and glTF has no empty arrays.
   else if (json["buffers"].size() == 1)
     json["buffers"] = Json::array();
   for (const char* array : {"accessors", "buffers", "bufferViews", "meshes"})
     if (json.contains(array) && json[array].empty()) json.erase(array);
-  return withJsonErrors(state_->file.path, [&] { return asGlb(json.dump(), state_->bin, state_->file.path); });
+  return withJsonErrors(state_->file.path, [&] { return asGlb(json.dump(), state_->bin(), state_->file.path); });
 }
 
 }  // namespace lmc

@@ -31,7 +31,8 @@ class GltfEdit {
   /// Pictures that are files or data URIs become buffer views, so that the file stands alone; those that cannot be read stay what they are.
   void embedImages();
 
-  /// Triangles of a primitive as vertices of its own: strips, fans and lists alike, those without area too. None for points and lines.
+  /// Triangles of a primitive, as it is now, as vertices of its own: strips, fans and lists alike, those without area too. None for points
+  /// and lines.
   std::vector<glm::uvec3> triangles(std::uint32_t mesh, std::uint32_t primitive) const;
   /// An attribute as floats, `components` a vertex; empty where the primitive has it not.
   std::vector<float> attribute(std::uint32_t mesh, std::uint32_t primitive, const char* name, int components) const;
@@ -40,11 +41,11 @@ class GltfEdit {
   /// extension off the node. Empty where it has none.
   std::vector<Json> expandInstances(std::uint32_t node);
 
-  /// A new accessor of floats for vertices; `components` 1 to 4 an element.
+  /// A new accessor of floats for vertices, `components` 1 to 4 an element; the same floats are written once.
   std::uint32_t addFloats(std::span<const float> values, int components);
   /// A new accessor of triangles, in the smallest type that holds them.
   std::uint32_t addTriangles(std::span<const glm::uvec3> triangles);
-  /// `primitive`, as it came in, with other vertices: every attribute and morph target follows them, in its own component type. The same
+  /// `primitive` with other vertices: every attribute and morph target follows them, in its own component type. The same
   /// vertices for the same accessor are written once.
   Json withVertices(const Json& primitive, const NewVertices& vertices);
 

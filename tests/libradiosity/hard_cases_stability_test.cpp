@@ -76,7 +76,7 @@ TEST(WhiteRooms, ALampsLightIsAbsorbedToTheLast) {
 
 TEST(WhiteRooms, AlbedoOneIsClampedAndTheTailSaysSo) {
   BakeOptions options;
-  options.mapSize = 32;
+  options.uv.mapSize = 32;
   int warnings = 0;
   lmc::Run run;
   run.onMessage = [&](const Message& m) { warnings += m.code == "LMC_ALBEDO_ONE"; };
@@ -245,7 +245,7 @@ TEST(MovedLevel, At100KilometresIsTheSameWithinItsStatedError) {
   BakeOptions near, far;
   near.level = folder.write("near.glb", movedLevel(glm::dvec3(0.0)));
   far.level = folder.write("far.glb", movedLevel({1e5, 0.0, -1e5}));
-  near.mapSize = far.mapSize = 64;
+  near.uv.mapSize = far.uv.mapSize = 64;
   Bake a(near, lmc::Run()), b(far, lmc::Run());
   runStages(a, true);
   runStages(b, true);
