@@ -380,8 +380,9 @@ void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_
   object.firstTriangle = std::uint32_t(scene_.triangles.size());
   object.firstVertex = firstVertex;
   object.vertexCount = std::uint32_t(geometry.positions.size());
+  object.mirrored = glm::determinant(glm::dmat3(world)) < 0.0;
   addVertices(geometry, world, where);
-  if (!addTriangles(geometry, firstVertex, glm::determinant(glm::dmat3(world)) < 0.0)) {
+  if (!addTriangles(geometry, firstVertex, object.mirrored)) {
     ++flat_;
     return;
   }

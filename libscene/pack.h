@@ -12,9 +12,9 @@
 
 namespace lmc {
 
-/// f(y, first x, last x) for the texels of a picture whose squares the inside of a triangle touches.
+/// f(y, first x, last x) for the texels of a picture into whose squares a triangle reaches by more than `slack` texels.
 template <class F>
-void forTouched(const std::array<glm::dvec2, 3>& triangle, int width, int height, F f);
+void forTouched(const std::array<glm::dvec2, 3>& triangle, int width, int height, F f, double slack = 1e-6);
 
 /// Texels that a shape touches.
 class TexelMask {
@@ -74,11 +74,10 @@ class Packer {
 };
 
 template <class F>
-void forTouched(const std::array<glm::dvec2, 3>& t, int width, int height, F f) {
-  constexpr double kTouch = 1e-6;  // of a texel: less is rounding of an edge that lies on the grid
+void forTouched(const std::array<glm::dvec2, 3>& t, int width, int height, F f, double slack) {
   const double top = std::min({t[0].y, t[1].y, t[2].y}), bottom = std::max({t[0].y, t[1].y, t[2].y});
-  const int y0 = std::clamp(int(std::floor(top + kTouch)), 0, height - 1),
-            y1 = std::clamp(int(std::ceil(bottom - kTouch)) - 1, y0, height - 1);
+  const int y0 = std::clamp(int(std::floor(top + slack)), 0, height - 1),
+            y1 = std::clamp(int(std::ceil(bottom - slack)) - 1, y0, height - 1);
   for (int y = y0; y <= y1; ++y) {
     // The triangle's extent within the row: its corners there, and its edges where they cross the row's borders.
     double lo = std::numeric_limits<double>::infinity(), hi = -lo;
@@ -93,8 +92,8 @@ void forTouched(const std::array<glm::dvec2, 3>& t, int width, int height, F f) 
         if ((a.y < edge) != (b.y < edge)) reach(a.x + (b.x - a.x) * ((edge - a.y) / (b.y - a.y)));
     }
     if (lo > hi) continue;
-    const int x0 = std::clamp(int(std::floor(lo + kTouch)), 0, width - 1);
-    f(y, x0, std::clamp(int(std::ceil(hi - kTouch)) - 1, x0, width - 1));
+    const int x0 = std::clamp(int(std::floor(lo + slack)), 0, width - 1);
+    f(y, x0, std::clamp(int(std::ceil(hi - slack)) - 1, x0, width - 1));
   }
 }
 

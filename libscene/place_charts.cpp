@@ -19,7 +19,7 @@ constexpr double kStraight = 0.35;         // share of a border that must run al
 constexpr double kMostRounding = 0.1;      // of a chart's side, to end on a texel's border
 constexpr double kFull = 0.8;              // share of a map that charts and their padding fill, about
 constexpr int kStep = 4;                   // of a side that is chosen: blocks of compressed textures
-constexpr int kTries = 8;                  // of a size
+constexpr int kTries = 8;                  // of a size, about
 constexpr double kCloseEnough = 1.004;     // between a size that fits and one that does not
 constexpr double kSprawling = 0.35;        // share of its box below which a chart is cut
 constexpr double kCutHelps = 0.75;         // of the box, that the parts' boxes may take
@@ -47,7 +47,7 @@ double areaOf(const FlatChart& c) {
 /// A use at the size at which it is drawn.
 struct Drawn {
   glm::dvec2 factor, low;
-  bool rectangular = false;
+  bool rectangular = true;
   TexelMask mask{1, 1};
 };
 
@@ -64,11 +64,14 @@ Drawn draw(const ChartUse& u, double scale) {
   d.factor = glm::dvec2(scale * u.texels);
   for (int k = 0; k < 2; ++k) {
     const double size = d.factor[k] * hi[k], whole = std::max(1.0, std::round(size));
-    if (size > 0.0 && std::abs(whole / size - 1.0) <= kMostRounding) d.factor[k] *= whole / size;
+    const bool rounded = size > 0.0 && std::abs(whole / size - 1.0) <= kMostRounding;
+    if (rounded) d.factor[k] *= whole / size;
+    d.rectangular = d.rectangular && rounded;
   }
   d.low = glm::dvec2(u.mirrored ? -d.factor.x * hi.x : 0.0, 0.0);
   // Borders of a rectangle on texels' centres: look-ups near them need no padding, and half of the texel that they read is the chart's own.
-  d.rectangular = areaOf(*u.chart) >= kRectangle * hi.x * hi.y && std::min(d.factor.x * hi.x, d.factor.y * hi.y) >= kLeastRectangle;
+  d.rectangular =
+      d.rectangular && areaOf(*u.chart) >= kRectangle * hi.x * hi.y && std::min(d.factor.x * hi.x, d.factor.y * hi.y) >= kLeastRectangle;
   if (d.rectangular) d.low -= 0.5;
   std::vector<std::array<glm::dvec2, 3>> triangles;
   triangles.reserve(u.chart->corners.size());
@@ -85,7 +88,12 @@ class Placer {
     out_.map.assign(uses.size(), 0);
     for (std::uint32_t i = 0; i < uses.size(); ++i) groups_ = std::max(groups_, uses[i].group + 1);
     shrunk_.assign(groups_, 1.0);
-    for (const ChartUse& u : uses) area_ += areaOf(*u.chart) * u.texels * u.texels;
+    longest_.assign(groups_, 0.0);
+    for (const ChartUse& u : uses) {
+      const glm::dvec2 box = boxOf(*u.chart);
+      area_ += areaOf(*u.chart) * u.texels * u.texels;
+      longest_[u.group] = std::max(longest_[u.group], std::max(box.x, box.y) * u.texels);
+    }
   }
   std::optional<ChartPlaces> place();
 
@@ -98,7 +106,8 @@ class Placer {
   int packInOrder(const std::vector<std::uint32_t>& items, int order, int side, int maxHeight, const TexelMask* taken);
   bool smallestSide();
   bool fillMap();
-  bool severalMaps();
+  bool severalMaps(double factor);
+  bool coarserMaps();
   void toUv();
 
   const std::vector<ChartUse>& uses_;
@@ -106,7 +115,9 @@ class Placer {
   const Run& run_;
   int margin_;
   std::uint32_t groups_ = 0;
-  double area_ = 0.0;  // of all charts at a factor of 1 [texels]
+  double area_ = 0.0;            // of all charts at a factor of 1 [texels]
+  std::vector<double> longest_;  // side of a chart's box, one a group, at a factor of 1 [texels]
+  double longest() const { return *std::ranges::max_element(longest_); }
   std::vector<Drawn> drawn_;
   std::vector<Placement> places_;
   std::vector<double> shrunk_;  // one a group
@@ -173,7 +184,7 @@ std::vector<std::uint32_t> all(std::size_t n) {
 constexpr int kEndless = 1 << 20;
 
 bool Placer::smallestSide() {
-  if (area_ > double(o_.mostSide) * o_.mostSide) return false;
+  if (area_ > double(o_.mostSide) * o_.mostSide || longest() > o_.mostSide - 2 * margin_) return false;
   drawAll(1.0);
   double whole = 0.0;
   int widest = 0;
@@ -208,6 +219,7 @@ bool Placer::fillMap() {
   const std::vector<std::uint32_t> items = all(uses_.size());
   const double free = double(o_.side) * o_.side;
   double low = 0.0, high = std::numeric_limits<double>::infinity(), factor = std::sqrt(kFull * free / std::max(1e-30, area_));
+  factor = std::min(factor, (o_.side - 2 * margin_) / std::max(1e-30, longest()));  // needles have a length and no area
   std::vector<Drawn> bestDrawn;
   std::vector<Placement> bestPlaces;
   for (int n = 0; n < 3 * kTries; ++n) {
@@ -239,10 +251,18 @@ bool Placer::fillMap() {
   return true;
 }
 
-bool Placer::severalMaps() {
+bool Placer::severalMaps(double factor) {
+  out_ = {};
+  out_.map.assign(uses_.size(), 0);
   const int side = o_.side > 0 ? o_.side : o_.mostSide;
-  if (area_ > double(o_.maxMaps) * side * side) return false;
-  drawAll(1.0);
+  if (factor * factor * area_ > double(o_.maxMaps) * side * side) return false;
+  shrunk_.assign(groups_, 1.0);
+  for (std::uint32_t g = 0; g < groups_; ++g)
+    if (factor * longest_[g] > side - 2 * margin_) {
+      shrunk_[g] = kSmaller * (side - 2 * margin_) / (factor * longest_[g]);
+      out_.smaller.push_back(g);
+    }
+  drawAll(factor);
   std::vector<std::vector<std::uint32_t>> members(groups_);
   std::vector<double> rooms(groups_, 0.0);
   for (std::uint32_t i = 0; i < uses_.size(); ++i) {
@@ -288,7 +308,8 @@ bool Placer::severalMaps() {
         for (const std::uint32_t i : items) drawOne(i);
         fits = pack(items, side, side, nullptr) >= 0;
       }
-      if (alone) out_.smaller.push_back(chosen[0]);
+      if (alone && shrunk_[chosen[0]] < 1.0 && std::ranges::find(out_.smaller, chosen[0]) == out_.smaller.end())
+        out_.smaller.push_back(chosen[0]);
       if (fits) {
         for (const std::uint32_t i : items) out_.map[i] = std::uint32_t(map);
         out_.maps = map + 1;
@@ -300,6 +321,16 @@ bool Placer::severalMaps() {
   }
   out_.side = side;
   return true;
+}
+
+/// As fine as the maps allow, or nothing.
+bool Placer::coarserMaps() {
+  constexpr double kCoarser = 0.8;
+  const int side = o_.side > 0 ? o_.side : o_.mostSide;
+  double factor = std::min(1.0, std::sqrt(kFull * o_.maxMaps * side * side / std::max(1e-30, area_)));
+  for (int n = 0; n < 3 * kTries; ++n, factor *= kCoarser)
+    if (severalMaps(factor)) return true;
+  return false;
 }
 
 void Placer::toUv() {
@@ -334,14 +365,9 @@ void Placer::toUv() {
 
 std::optional<ChartPlaces> Placer::place() {
   bool done = false;
-  if (o_.taken) {
-    done = severalMaps();
-  } else if (o_.side > 0) {
-    done = o_.fill ? fillMap() : severalMaps();
-  } else {
-    done = smallestSide();
-    if (!done) done = severalMaps();
-  }
+  if (!o_.taken && o_.side > 0 && o_.fill) done = fillMap();
+  if (!o_.taken && o_.side == 0) done = smallestSide();
+  if (!done) done = severalMaps(1.0) || (o_.fill && coarserMaps());
   if (!done) return std::nullopt;
   toUv();
   return std::move(out_);

@@ -19,9 +19,11 @@ struct ChartUse {
 };
 
 struct PlaceOptions {
-  int side = 0;                        ///< of the maps; 0 = as small as will do, in steps of 4
-  bool fill = false;                   ///< draw all charts larger or smaller by one factor, so that they fill one map of `side`
-  int leastSide = 1, mostSide = 4096;  ///< where side is 0: larger charts, or more maps, than these would hold
+  int side = 0;  ///< of the maps; 0 = as small as will do, in steps of 4
+  /// Sizes are no more than wishes: with a side, all charts grow or shrink by one factor to fill one map; where more than maxMaps would be
+  /// needed they shrink.
+  bool fill = false;
+  int mostSide = 4096;        ///< where side is 0: more maps rather than larger ones
   int padding = 2;                     ///< texels between charts
   int maxMaps = 16;
   const TexelMask* taken = nullptr;  ///< texels of the first map that are not free

@@ -72,6 +72,7 @@ struct Object {
   std::uint32_t firstTriangle = 0, triangleCount = 0;
   std::uint32_t firstVertex = 0, vertexCount = 0;
   std::uint32_t material = 0;
+  bool mirrored = false;           ///< its node turns it inside out: triangles are wound the other way than in the file
   bool receive = true;             ///< has a place in the light map
   bool cast = true;                ///< blocks light and reflects it
   bool inMap = false;              ///< its vertices have map UVs

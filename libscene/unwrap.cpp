@@ -16,16 +16,17 @@ namespace lmc {
 namespace {
 
 constexpr double kDefaultTexelsPerMetre = 16.0;
-constexpr int kLeastSide = 256;         // of a map whose size and density nobody named
-constexpr int kMostSide = 4096;         // of a map whose size nobody named: then there are more of them
-constexpr double kKnownStretch = 1.5;   // L2 up to which charts of the level are placed anew as they are
-constexpr double kFaultyStretch = 3.0;  // L2 of an object from which its UVs are a fault
-constexpr double kFaultyDensity = 4.0;  // times what the level names for the object, or a part of it
-constexpr double kTight = 0.01;         // share of an object's texels that another chart's look-ups may read
-constexpr double kFull = 0.7;           // share of a map that charts fill, about
-constexpr double kLongest = 0.75;       // of a map's side: longer charts are cut
-constexpr double kSmallBox = 0.005;     // of a map: smaller charts may leave their boxes empty
-constexpr int kCures = 4;               // rounds of taking spoilt faces out of their charts
+constexpr int kLeastSide = 256;             // of a map whose size and density nobody named
+constexpr int kMostSide = 4096;             // of a map whose size nobody named: then there are more of them
+constexpr double kKnownStretch = 1.5;       // L2 up to which charts of the level are placed anew as they are
+constexpr double kFaultyStretch = 3.0;      // L2 of an object from which its UVs are a fault
+constexpr double kFaultyDensity = 4.0;      // times what the level names for the object, or a part of it
+constexpr double kTight = 0.01;             // share of an object's texels that another chart's look-ups may read
+constexpr double kFull = 0.7;               // share of a map that charts fill, about
+constexpr double kLongest = 0.75;           // of a map's side: longer charts are cut
+constexpr double kSmallBox = 0.005;         // of a map: smaller charts may leave their boxes empty
+constexpr double kNegligibleWeight = 1e-3;  // of a texel in a look-up
+constexpr int kCures = 4;                   // rounds of taking spoilt faces out of their charts
 
 /// A shape that objects show, and where its charts come from.
 struct Shape {
@@ -37,8 +38,8 @@ struct Shape {
 /// How an object shows a shape.
 struct Show {
   std::uint32_t shape = 0;
-  double scale = 1.0;     ///< of the object against the shape
-  bool mirrored = false;  ///< its triangles run the other way about
+  double scale = 1.0;   ///< of the object against the shape
+  bool turned = false;  ///< its triangles run the other way about
 };
 
 std::uint32_t corner(const Scene& scene, const Object& o, std::uint32_t face, int k) {
@@ -49,7 +50,7 @@ std::uint32_t corner(const Scene& scene, const Object& o, std::uint32_t face, in
 std::optional<Show> sameShape(const Scene& scene, const Object& o, const Object& other) {
   if (o.triangleCount != other.triangleCount || o.vertexCount != other.vertexCount) return std::nullopt;
   Show show;
-  show.mirrored = corner(scene, o, 0, 1) != corner(scene, other, 0, 1);
+  show.turned = corner(scene, o, 0, 1) != corner(scene, other, 0, 1);
   const auto length = [&](const Object& x, std::uint32_t a, std::uint32_t b) {
     return glm::distance(glm::dvec3(scene.positions_m[x.firstVertex + a]), glm::dvec3(scene.positions_m[x.firstVertex + b]));
   };
@@ -57,7 +58,7 @@ std::optional<Show> sameShape(const Scene& scene, const Object& o, const Object&
   for (std::uint32_t f = 0; f < o.triangleCount; ++f)
     for (int k = 0; k < 3; ++k) {
       const std::uint32_t a = corner(scene, other, f, k), b = corner(scene, other, f, (k + 1) % 3);
-      if (corner(scene, o, f, show.mirrored ? (3 - k) % 3 : k) != a) return std::nullopt;
+      if (corner(scene, o, f, show.turned ? (3 - k) % 3 : k) != a) return std::nullopt;
       whole += length(o, a, b);
       otherWhole += length(other, a, b);
     }
@@ -126,7 +127,7 @@ std::vector<std::uint32_t> tightObjects(const Scene& scene, const std::vector<bo
     std::array<glm::dvec2, 3> c = texelCorners(scene, t, side);
     for (glm::dvec2& p : c) p += 0.5;
     // A place in cell (x, y) of the grid of texels' centres reads the four texels about it.
-    forTouched(c, side + 1, side + 1, [&](int y, int first, int last) {
+    const auto read = [&](int y, int first, int last) {
       for (int v = std::max(0, y - 1); v <= std::min(side - 1, y); ++v)
         for (int u = std::max(0, first - 1); u <= std::min(side - 1, last); ++u) {
           std::uint32_t& r = reader[(map + std::size_t(v)) * std::size_t(side) + std::size_t(u)];
@@ -138,7 +139,8 @@ std::vector<std::uint32_t> tightObjects(const Scene& scene, const std::vector<bo
             shared[scene.triangleObject[r]] += 1.0;
           }
         }
-    });
+    };
+    forTouched(c, side + 1, side + 1, read, kNegligibleWeight);
   }
   std::vector<std::uint32_t> tight;
   for (std::uint32_t i = 0; i < texels.size(); ++i)
@@ -326,7 +328,9 @@ void Layouter::place() {
       const std::uint32_t group = groups.try_emplace({o.node, o.instance}, std::uint32_t(groups.size())).first->second;
       const auto& charts = shapes_[shows_[i].shape].charts;
       for (std::uint32_t c = 0; c < charts.size(); ++c) {
-        uses.push_back({&charts[c], densityOf(o) * shows_[i].scale, shows_[i].mirrored, group});
+        // Counter-clockwise is as the file has the triangles: the charts follow the scene's.
+        const bool mirrored = scene_.objects[shapes_[shows_[i].shape].object].mirrored;
+        uses.push_back({&charts[c], densityOf(o) * shows_[i].scale, mirrored, group});
         items_.emplace_back(i, c);
       }
     }
@@ -348,6 +352,13 @@ void Layouter::place() {
     if (places_.spoilt.empty() || round == kCures) break;
     takeOut(places_.spoilt);
   }
+  if (options.side == 0 && places_.factor < 1.0)
+    run_.warn({{},
+               scene_.file.string(),
+               "",
+               fmt::format("{} maps of {} x {} hold the level at {:.3g} texels a metre, not at {:g}: more --max-maps", places_.maps,
+                           places_.side, places_.side, places_.factor * density_.texelsPerMetre, density_.texelsPerMetre),
+               "LMC_UV_DENSITY"});
   if (!places_.smaller.empty())
     run_.warn({{},
                scene_.file.string(),
@@ -395,8 +406,8 @@ std::vector<CornerUvs> Layouter::cornerUvs() {
     const FlatChart& c = shapes_[shows_[i].shape].charts[chart];
     for (std::size_t f = 0; f < c.faces.size(); ++f)
       for (int k = 0; k < 3; ++k)
-        // A mirrored object has its second and third corners exchanged.
-        out[i][c.faces[f]][std::size_t(shows_[i].mirrored ? (3 - k) % 3 : k)] = places_.uv[item][c.corners[f][k]];
+        // Of one that is turned the second and third corners are exchanged.
+        out[i][c.faces[f]][std::size_t(shows_[i].turned ? (3 - k) % 3 : k)] = places_.uv[item][c.corners[f][k]];
     o.map = places_.map[item];
     o.texCoord = texCoords[o.node];
   }

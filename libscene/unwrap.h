@@ -46,8 +46,9 @@ struct UvLayout {
 };
 
 /// Gives every object that receives light its map UVs: splits the scene's vertices at chart borders (Scene::sourceVertex tells whose copies
-/// they are) and sets Object::map. Objects of one node share a map. Throws Error for faults when they are to be kept, and Limit where the
-/// charts do not fit into the maps allowed. The same layout for any number of threads.
+/// they are) and sets Object::map. New ones run counter-clockwise as the file has the triangles. Objects of one node share a map. Throws
+/// Error for faults when they are to be kept, and Limit where the charts do not fit into the maps allowed. The same layout for any number
+/// of threads.
 UvLayout layOut(Scene&, const UvOptions&, const Run&);
 
 /// What layOut() would find fault with in the map UVs that the level has, object by object: uvFaults(), and an L2 stretch above 3, a

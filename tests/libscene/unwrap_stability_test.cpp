@@ -86,6 +86,7 @@ Found check(const Scene& scene) {
       EXPECT_TRUE(g.x >= 0 && g.y >= 0 && g.x <= 0x1p23 && g.y <= 0x1p23);
       item.p[std::size_t(k)] = Place(g);
     }
+    if (scene.objectOf(t).mirrored) std::swap(item.p[1], item.p[2]);  // as the file has them
     const std::int64_t area = turn(item.p[0], item.p[1], item.p[2]);
     out.flipped += area < 0;
     out.flat += area == 0;
@@ -244,6 +245,7 @@ TEST(Unwrap, EveryUseOfAMeshGetsItsOwnPlace) {
     Object o = first;
     o.path = o.name = "/use" + std::to_string(scene.objects.size());
     o.node = std::uint32_t(scene.objects.size());
+    o.mirrored = mirrored;
     o.firstTriangle = std::uint32_t(scene.triangles.size());
     o.firstVertex = std::uint32_t(scene.positions_m.size());
     for (std::uint32_t v = 0; v < first.vertexCount; ++v) {
