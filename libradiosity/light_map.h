@@ -45,19 +45,13 @@ struct ErrorLedger {
   double field = 0.0;          ///< RMS difference that patch size makes
   double tail = 0.0;           ///< upper bound of the light that stopping early leaves out
   double tailEstimate = 0.0;   ///< best guess of it
-  double seams = 0.0;          ///< RMS distance by which closing seams moved texels
+  double seams = 0.0;          ///< RMS distance by which closing seams moved texels: meant, so no part of the estimate and the bound
   double estimate = 0.0;       ///< best estimate of the relative RMS error
   double bound95 = 0.0;        ///< upper bound at 95 % confidence
   double worstObject = 0.0;    ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
   std::uint32_t worstObjectId = kNone;
   std::uint64_t texels = 0;    ///< covered
   std::uint64_t gathered = 0;  ///< of them, with hemisphere rays of their own
-  /// A move takes a texel off its mean, whatever it does for look-ups: in squares for the estimate, in full for the bound.
-  void addSeams(double rmsMove) {
-    seams = rmsMove;
-    estimate = std::hypot(estimate, rmsMove);
-    bound95 += rmsMove;
-  }
 };
 
 struct MapOptions {

@@ -401,7 +401,7 @@ void seams(Bake& b) {
     return;
   }
   b.closed = closeSeams(b.values, b.map, b.scene, b.charts, b.padding, b.seams, b.options.goal, b.run);
-  b.ledger.addSeams(b.closed.rmsMove);
+  b.ledger.seams = b.closed.rmsMove;
   b.summary = fmt::format("{} chart edges, jumps from {:.2f} % to {:.2f} % RMS, {} texels moved", b.seams.smooth.size(),
                           100.0 * b.closed.before.relativeRms, 100.0 * b.closed.after.relativeRms, b.closed.moved);
 }
