@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 
@@ -294,8 +295,10 @@ void Layouter::makeShapes() {
       const double side_m = std::sqrt(level / kFull) / densityOf(o);
       for (FlatChart& c : cutCharts(surface, faces, run_)) {
         alignChart(c);
-        for (FlatChart& part : cutSprawling(std::move(c), kLongest * side_m, kSmallBox * side_m * side_m))
+        for (FlatChart& part : cutSprawling(std::move(c), kLongest * side_m, kSmallBox * side_m * side_m)) {
+          acceptChart(part, surface, std::numeric_limits<double>::infinity());  // a part has its own scale
           charts.push_back(std::move(part));
+        }
       }
     }
     shows_[i] = *show;

@@ -80,8 +80,9 @@ void expectSameShuffled(const OwnedSurface& s, const std::vector<std::uint8_t>& 
     const glm::vec3 off = glm::abs(plain.corners[from[c]].tangent - moved.corners[c].tangent);
     wrong += !(std::max({off.x, off.y, off.z}) <= 2e-6f) || plain.corners[from[c]].determinant != moved.corners[c].determinant;
   }
-  // The codes say how far the reference itself moved under four reorderings. A fifth moves a few more corners of soups and slivers, for
-  // the reference as well (24 of 4712 in big_fan, 102 of 7011 in fuzz_float, 4 of 60,025 in ToyCar; none where all is manifold).
+  // The codes say how far the reference itself moved under four reorderings. A fifth moves a few more corners of soups and slivers, whose
+  // groups hang on the order of faces (24 of 4712 in big_fan, 102 of 7011 in fuzz_float, 4 of 60,025 in ToyCar; none where all is
+  // manifold).
   EXPECT_LE(wrong, ambiguity.empty() ? 0 : judged / 50) << name;
 }
 
