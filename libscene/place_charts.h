@@ -23,8 +23,8 @@ struct PlaceOptions {
   /// Sizes are no more than wishes: with a side, all charts grow or shrink by one factor to fill one map; where more than maxMaps would be
   /// needed they shrink.
   bool fill = false;
-  int mostSide = 4096;        ///< where side is 0: more maps rather than larger ones
-  int padding = 2;                     ///< texels between charts
+  int mostSide = 4096;  ///< where side is 0: more maps rather than larger ones
+  int padding = 2;      ///< texels between charts
   int maxMaps = 16;
   const TexelMask* taken = nullptr;  ///< texels of the first map that are not free
 };

@@ -91,7 +91,8 @@ void addUvOptions(CLI::App* app, UvOptions& o) {
   app->add_option("--texels-per-metre", o.texelsPerMetre,
                   "density when no size is given, and of new UVs [default: the level's, else 16 and a map of at least 256 x 256]")
       ->check(CLI::Range(1e-6, 1e6));
-  app->add_option("--padding", o.padding, "texels between borders of charts of new UVs; 2 keep bilinear look-ups apart, 4 one mip level more")
+  app->add_option("--padding", o.padding,
+                  "texels between borders of charts of new UVs; 2 keep bilinear look-ups apart, 4 one mip level more")
       ->capture_default_str()
       ->check(CLI::Range(0, 64));
   app->add_option("--max-maps", o.maxMaps, "light maps at most, for new UVs")->capture_default_str()->check(CLI::Range(1, 1024));
