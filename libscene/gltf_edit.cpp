@@ -88,6 +88,19 @@ std::vector<std::uint8_t> asGlb(const std::string& json, const std::vector<std::
   return out;
 }
 
+/// RFC 4648, padded.
+std::string base64(std::span<const std::uint8_t> bytes) {
+  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t word = 0;
+    for (std::size_t k = 0; k < 3; ++k) word = word << 8 | (i + k < bytes.size() ? bytes[i + k] : 0u);
+    for (std::size_t k = 0; k < 4; ++k) out += i + k <= bytes.size() ? kDigits[word >> (18 - 6 * k) & 63] : '=';
+  }
+  return out;
+}
+
 /// Extensions whose places of accessors and views forUses() knows, or that have none.
 bool pointsAreKnown(const Json& json) {
   static const std::set<std::string_view> kKnown{"EXT_mesh_gpu_instancing", "EXT_texture_webp",   "KHR_lights_punctual",
@@ -396,15 +409,30 @@ void GltfEdit::dropUnused() {
   state_->bin() = std::move(bin);
 }
 
-std::vector<std::uint8_t> GltfEdit::glb() {
+/// The JSON as glTF wants it: the buffer's length, no empty arrays.
+void GltfEdit::finish() {
   Json& json = state_->json;
   if (!state_->bin().empty()) json["buffers"][0]["byteLength"] = state_->bin().size();
-  // Without bytes nothing can point to buffer 0, and glTF has no empty arrays.
+  // Without bytes nothing can point to buffer 0.
   else if (json["buffers"].size() == 1)
     json["buffers"] = Json::array();
   for (const char* array : {"accessors", "buffers", "bufferViews", "meshes"})
     if (json.contains(array) && json[array].empty()) json.erase(array);
-  return withJsonErrors(state_->file.path, [&] { return asGlb(json.dump(), state_->bin(), state_->file.path); });
+}
+
+std::vector<std::uint8_t> GltfEdit::glb() {
+  finish();
+  return withJsonErrors(state_->file.path, [&] { return asGlb(state_->json.dump(), state_->bin(), state_->file.path); });
+}
+
+std::vector<std::uint8_t> GltfEdit::gltf() {
+  finish();
+  Json out = state_->json;
+  if (!state_->bin().empty()) out["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64(state_->bin());
+  return withJsonErrors(state_->file.path, [&] {
+    const std::string text = out.dump(2) + "\n";
+    return std::vector<std::uint8_t>(text.begin(), text.end());
+  });
 }
 
 }  // namespace lmc

@@ -12,6 +12,9 @@
 
 namespace lmc {
 
+/// Whether a file of this name is glTF text, not a GLB.
+inline bool isGltfText(const std::filesystem::path& file) { return file.extension() == ".gltf"; }
+
 /// A primitive's vertices and triangles anew.
 struct NewVertices {
   std::vector<std::uint32_t> source;  ///< for each new vertex the old one that it repeats
@@ -55,8 +58,11 @@ class GltfEdit {
 
   /// One self-contained GLB. Throws Error Limit above 4 GiB.
   std::vector<std::uint8_t> glb();
+  /// The same as glTF text, its buffer a data URI.
+  std::vector<std::uint8_t> gltf();
 
  private:
+  void finish();
   struct State;
   std::unique_ptr<State> state_;
 };

@@ -146,7 +146,7 @@ std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, cons
   for (const std::uint32_t node : marks.bakedLightNodes) lmcOf(json["nodes"].at(node))["baked"] = true;
   if (marks.more) marks.more(edit);
   if (marks.newUvs || marks.more) edit.dropUnused();
-  return edit.glb();
+  return marks.asText ? edit.gltf() : edit.glb();
 }
 
 }  // namespace lmc

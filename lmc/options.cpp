@@ -341,7 +341,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
   TangentsOptions tangents;
   CLI::App* tangentsApp = app.add_subcommand("tangents", "write tangents after MikkTSpace into a glTF file, where materials call for them");
   tangentsApp->add_option("IN", tangents.in, "file to read, .glb or .gltf")->required();
-  tangentsApp->add_option("-o,--out", tangents.out, "GLB file to write")->required();
+  tangentsApp->add_option("-o,--out", tangents.out, "file to write: .glb, or .gltf with its buffer inside")->required();
   tangentsApp->add_flag("--regenerate", tangents.how.regenerate, "make those anew that the file has; else they are checked and kept");
   tangentsApp->add_flag("--all", tangents.how.all, "also where no normal map calls for them, by TEXCOORD_0");
   addGreen(tangentsApp, tangents.how.greenDown);
@@ -356,7 +356,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
   UnwrapOptions unwrap;
   CLI::App* unwrapApp = app.add_subcommand("unwrap", "make, repair or keep light-map UVs, and write the level with them");
   unwrapApp->add_option("LEVEL", unwrap.level, "level to read, .glb or .gltf")->required();
-  unwrapApp->add_option("-o,--out", unwrap.out, "GLB file to write")->required();
+  unwrapApp->add_option("-o,--out", unwrap.out, "file to write: .glb, or .gltf with its buffer inside")->required();
   addUvOptions(unwrapApp, unwrap.uv);
   addInputLimits(unwrapApp, unwrap.limits);
   unwrapApp->add_flag("--json", unwrap.json, "print what was done as JSON");
@@ -381,7 +381,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
       "attach", "put the maps of a bake on a level that an optimiser rewrote; exit code 5 when objects are left without");
   attachApp->add_option("LEVEL", attach.level, "rewritten level, .glb or .gltf")->required();
   attachApp->add_option("OUT", attach.baked, "folder of the bake")->required();
-  attachApp->add_option("-o,--out", attach.out, "GLB file to write [default: attached.glb in OUT]");
+  attachApp->add_option("-o,--out", attach.out, "file to write, .glb or .gltf [default: attached.glb in OUT]");
   attachApp->add_option("--tolerance", attach.tolerance, "how far surfaces may have moved, as a share of the level's size")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 0.1));

@@ -285,7 +285,7 @@ Exit tangents(const TangentsOptions& options) {
   std::vector<PrimitiveTangents> report;
   withThreads(run, [&] { report = addTangents(edit, options.how, run); });
   edit.dropUnused();
-  const std::vector<std::uint8_t> bytes = edit.glb();
+  const std::vector<std::uint8_t> bytes = isGltfText(options.out) ? edit.gltf() : edit.glb();
   writeFileWhole(options.out, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   for (const PrimitiveTangents& p : report)
     if (p.result == "kept" && !p.why.empty())

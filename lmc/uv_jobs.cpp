@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "libscene/files.h"
+#include "libscene/gltf_edit.h"
 #include "libscene/image_file.h"
 #include "libscene/level_out.h"
 #include "libscene/pack.h"
@@ -42,7 +43,7 @@ void refuseSameFile(const std::filesystem::path& in, const Scene& scene, const s
       throw Error(Exit::Usage, out, "", fmt::format("would be overwritten, and {} reads it: choose another file with -o", in.string()));
 }
 
-void writeGlb(const std::filesystem::path& file, const std::vector<std::uint8_t>& bytes) {
+void writeBytes(const std::filesystem::path& file, const std::vector<std::uint8_t>& bytes) {
   writeFileWhole(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
@@ -79,7 +80,11 @@ Exit unwrap(const UnwrapOptions& options) {
     refuseSameFile(options.level, scene, options.out);
     const UvLayout layout = layOut(scene, options.uv, run);
     findCharts(scene, layout.side, run);  // what was made is checked as what was found
-    writeGlb(options.out, levelWithMaps(options.level, options.limits, scene, {{}, {}, layout.changed(), layout.side}));
+    LevelMarks marks;
+    marks.newUvs = layout.changed();
+    marks.side = layout.side;
+    marks.asText = isGltfText(options.out);
+    writeBytes(options.out, levelWithMaps(options.level, options.limits, scene, marks));
     if (options.json) {
       fmt::print("{}\n", uvOf(layout, scene).dump(2));
       return;
@@ -217,6 +222,7 @@ Exit attach(const AttachOptions& options) {
         throw Error(Exit::Broken, options.baked / "level.lmc.json", "/maps", "lacks a map that the level names");
     for (const Light& l : scene.lights) marks.bakedLightNodes.push_back(l.node);
     marks.newUvs = true;
+    marks.asText = isGltfText(out);
     const TransferReport report = transferUvs(baked, marks.side, scene, options.tolerance);
     for (const auto& [object, why] : report.unmatched)
       run.warn({{},
@@ -224,7 +230,7 @@ Exit attach(const AttachOptions& options) {
                 fmt::format("/nodes/{}", scene.objects[object].node),
                 fmt::format("object '{}' gets no light map: {}", scene.objects[object].path, why),
                 "LMC_ATTACH"});
-    writeGlb(out, levelWithMaps(options.level, options.limits, scene, marks));
+    writeBytes(out, levelWithMaps(options.level, options.limits, scene, marks));
     if (options.json) {
       Json json = {{"file", out.filename().string()}, {"matched", Json::array()}, {"unmatched", Json::array()}};
       for (const std::uint32_t i : report.matched) json["matched"].push_back(scene.objects[i].path);

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """lmc unwrap, info and attach, and bakes of levels without map UVs, judged from outside: the GLB is read by this script, overlaps are decided in
 whole numbers, and every model of ../shared/assets (left out where it is not there) is unwrapped and baked under a constant sky."""
-import argparse, json, pathlib, struct, subprocess, sys, tempfile, unittest
+import argparse, base64, json, pathlib, struct, subprocess, sys, tempfile, unittest
 from collections import defaultdict
 
 OPTIONS = None
@@ -145,6 +145,16 @@ class Unwrap(Case):
         self.assertEqual(report['faults'], 0, report)
         again = json.loads(lmc('unwrap', self.folder / 'new.glb', '-o', self.folder / 'again.glb', '--json').stdout)
         self.assertEqual({o['uv'] for o in again['objects']}, {'kept'})
+
+    def test_text_says_what_the_glb_says(self):
+        level = self.bare('two_rooms.glb')
+        for name in ('new.glb', 'new.gltf'):
+            lmc('unwrap', level, '-o', self.folder / name)
+        tables = [json.loads(lmc('info', self.folder / name, '--json').stdout) for name in ('new.glb', 'new.gltf')]
+        self.assertEqual(tables[0], tables[1])
+        doc = json.loads((self.folder / 'new.gltf').read_text())
+        self.assertEqual(base64.b64decode(doc['buffers'][0]['uri'].split(',')[1])[:doc['buffers'][0]['byteLength']],
+                         read_glb(self.folder / 'new.glb')[1][:doc['buffers'][0]['byteLength']])
 
     def test_the_same_bytes_for_any_number_of_threads(self):
         level = self.bare('curved.glb')
