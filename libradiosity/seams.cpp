@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "libradiosity/seam_solve.h"
+#include "libscene/disjoint_sets.h"
 #include "libscene/parallel.h"
 #include "libscene/polygon2.h"
 #include "libscene/tracer.h"
@@ -209,24 +209,18 @@ Unknowns unknownsOf(const Shown& shown, const std::vector<Place>& places) {
   std::ranges::sort(u.texel);
   u.texel.erase(std::ranges::unique(u.texel).begin(), u.texel.end());
 
-  std::vector<std::uint32_t> parent(u.texel.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto rootOf = [&](std::uint32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
+  DisjointSets joined(u.texel.size());
   std::vector<std::uint32_t> firstOf(places.size(), kNone);  // an unknown of each place
   for (std::size_t i = 0; i < places.size(); ++i)
     forMovable(shown, places[i], [&](std::uint32_t t) {
       const std::uint32_t n = u.find(t);
       if (firstOf[i] == kNone) firstOf[i] = n;
-      const std::uint32_t a = rootOf(firstOf[i]), b = rootOf(n);
-      parent[std::max(a, b)] = std::min(a, b);
+      joined.join(firstOf[i], n);
     });
   u.component.resize(u.texel.size());
   u.local.resize(u.texel.size());
   for (std::uint32_t i = 0; i < u.texel.size(); ++i) {
-    const std::uint32_t root = rootOf(i);
+    const std::uint32_t root = joined.root(i);
     if (root == i) {
       u.component[i] = std::uint32_t(u.of.size());
       u.of.emplace_back();

@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <numeric>
 #include <optional>
 #include <unordered_map>
 
+#include "libscene/disjoint_sets.h"
 #include "libscene/polygon2.h"
 #include "libscene/rng.h"
 #include "libscene/tracer.h"
@@ -88,11 +88,6 @@ struct KeyHash {
     return combine(combine(k.object, std::bit_cast<std::uint32_t>(k.uv.x + 0.0f)), std::bit_cast<std::uint32_t>(k.uv.y + 0.0f));
   }
 };
-
-std::uint32_t rootOf(std::vector<std::uint32_t>& parent, std::uint32_t i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
 
 UvFault fault(const Scene& scene, UvFault::Kind kind, std::uint32_t triangle, std::string text) {
   return {kind, scene.triangleObject[triangle], pointer(scene.objectOf(triangle)), std::move(text)};
@@ -189,24 +184,20 @@ bool isPlaced(const Scene& scene, std::uint32_t t) { return orientation(uvCorner
 
 /// Triangles that share a corner in map UV space are one chart; numbered in order of their first triangles.
 Charts connected(const Scene& scene, const Triangles& placed) {
-  std::vector<std::uint32_t> parent(scene.triangles.size());
-  std::iota(parent.begin(), parent.end(), 0u);
+  DisjointSets sets(scene.triangles.size());
   std::unordered_map<Key, std::uint32_t, KeyHash> firstAt;
   firstAt.reserve(placed.size());
   for (const std::uint32_t t : placed) {
     const glm::uvec3 v = scene.triangles[t];
     for (int k = 0; k < 3; ++k) {
       const auto [it, fresh] = firstAt.try_emplace(Key{scene.triangleObject[t], scene.mapUv[v[k]]}, t);
-      if (!fresh) {
-        const std::uint32_t a = rootOf(parent, t), b = rootOf(parent, it->second);
-        parent[std::max(a, b)] = std::min(a, b);
-      }
+      if (!fresh) sets.join(t, it->second);
     }
   }
   Charts charts;
   charts.chartOf.assign(scene.triangles.size(), kNone);
   for (const std::uint32_t t : placed) {
-    const std::uint32_t root = rootOf(parent, t);
+    const std::uint32_t root = sets.root(t);
     charts.chartOf[t] = root == t ? charts.count++ : charts.chartOf[root];  // roots come first: they are the smallest of their set
   }
   return charts;

@@ -4,6 +4,7 @@
 #include <numeric>
 #include <queue>
 
+#include "libscene/disjoint_sets.h"
 #include "libscene/parallel.h"
 
 namespace lmc {
@@ -202,22 +203,14 @@ KnownCharts knownCharts(const Scene& scene, const Object& o, const Surface& s, d
   });
   for (std::size_t i = 0; i < order.size(); ++i)
     vertexOf[order[i]] = i > 0 && uv(order[i]) == uv(order[i - 1]) ? vertexOf[order[i - 1]] : order[i];
-  std::vector<std::uint32_t> parent(o.vertexCount);
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto root = [&](std::uint32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
+  DisjointSets joined(o.vertexCount);
   const auto corner = [&](std::uint32_t face, int k) { return vertexOf[scene.triangles[o.firstTriangle + face][k] - o.firstVertex]; };
   for (std::uint32_t f = 0; f < o.triangleCount; ++f)
-    for (int k = 1; k < 3; ++k) {
-      const std::uint32_t a = root(corner(f, 0)), b = root(corner(f, k));
-      parent[std::max(a, b)] = std::min(a, b);
-    }
+    for (int k = 1; k < 3; ++k) joined.join(corner(f, 0), corner(f, k));
   std::vector<std::uint32_t> chartOf(o.vertexCount, kNone);
   std::vector<Faces> sets;
   for (std::uint32_t f = 0; f < o.triangleCount; ++f) {
-    std::uint32_t& c = chartOf[root(corner(f, 0))];
+    std::uint32_t& c = chartOf[joined.root(corner(f, 0))];
     if (c == kNone) {
       c = std::uint32_t(sets.size());
       sets.emplace_back();

@@ -9,9 +9,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "libscene/constants.h"
+#include "libscene/disjoint_sets.h"
 
 namespace lmc {
 
@@ -31,23 +31,12 @@ struct Patchwork {
   bool closed = true;        // without a border
 };
 
-std::uint32_t root(std::vector<std::uint32_t>& parent, std::uint32_t i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
-
 Patchwork patchwork(const Surface& s, std::span<const std::uint32_t> faces, const FaceSets& sets) {
   const std::uint32_t set = sets.set[faces[0]];
   // Corners of neighbours at the ends of their common edge are one vertex.
-  std::vector<std::uint32_t> parent(3 * faces.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto join = [&](std::uint32_t a, std::uint32_t b) {
-    a = root(parent, a);
-    b = root(parent, b);
-    parent[std::max(a, b)] = std::min(a, b);
-  };
+  DisjointSets joined(3 * faces.size());
   Patchwork out;
-  std::vector<bool> borderCorner(parent.size(), false);
+  std::vector<bool> borderCorner(joined.size(), false);
   for (std::uint32_t i = 0; i < faces.size(); ++i)
     for (std::uint32_t k = 0; k < 3; ++k) {
       const std::uint32_t other = s.neighbours[faces[i]][k];
@@ -59,15 +48,15 @@ Patchwork patchwork(const Surface& s, std::span<const std::uint32_t> faces, cons
       const std::uint32_t j = sets.number[other];
       for (std::uint32_t m = 0; m < 3; ++m)
         if (s.neighbours[other][m] == faces[i] && s.triangles[other][int(m)] == s.triangles[faces[i]][int((k + 1) % 3)]) {
-          join(3 * i + k, 3 * j + (m + 1) % 3);
-          join(3 * i + (k + 1) % 3, 3 * j + m);
+          joined.join(3 * i + k, 3 * j + (m + 1) % 3);
+          joined.join(3 * i + (k + 1) % 3, 3 * j + m);
         }
     }
-  std::vector<std::uint32_t> number(parent.size(), kNone);
+  std::vector<std::uint32_t> number(joined.size(), kNone);
   for (std::uint32_t i = 0; i < faces.size(); ++i) {
     glm::uvec3 t;
     for (std::uint32_t k = 0; k < 3; ++k) {
-      const std::uint32_t r = root(parent, 3 * i + k);
+      const std::uint32_t r = joined.root(3 * i + k);
       if (number[r] == kNone) {
         number[r] = std::uint32_t(out.vertices_m.size());
         out.vertices_m.push_back(s.positions_m[s.triangles[faces[i]][int(k)]]);

@@ -8,6 +8,7 @@
 #include <unordered_map>
 
 #include "libscene/constants.h"
+#include "libscene/disjoint_sets.h"
 #include "libscene/parallel.h"
 
 namespace lmc {
@@ -438,26 +439,19 @@ namespace {
 /// Parts of a chart: faces of one side, those that hang together by edges.
 template <class Side>
 std::vector<FlatChart> parted(const FlatChart& c, Side side) {
-  std::vector<std::uint32_t> parent(c.faces.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto root = [&](std::uint32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
+  DisjointSets joined(c.faces.size());
   std::unordered_map<std::uint64_t, std::uint32_t> faceAt;
   for (std::uint32_t f = 0; f < c.faces.size(); ++f)
     for (int k = 0; k < 3; ++k) {
       const std::uint32_t a = c.corners[f][k], b = c.corners[f][(k + 1) % 3];
       const auto [it, fresh] = faceAt.try_emplace(std::uint64_t(std::min(a, b)) << 32 | std::max(a, b), f);
-      if (fresh || side(c.corners[f]) != side(c.corners[it->second])) continue;
-      const std::uint32_t i = root(f), j = root(it->second);
-      parent[std::max(i, j)] = std::min(i, j);
+      if (!fresh && side(c.corners[f]) == side(c.corners[it->second])) joined.join(f, it->second);
     }
   std::vector<FlatChart> out;
   std::vector<std::uint32_t> partOf(c.faces.size(), kNone);
   std::vector<std::unordered_map<std::uint32_t, std::uint32_t>> vertexOf;
   for (std::uint32_t f = 0; f < c.faces.size(); ++f) {
-    std::uint32_t& part = partOf[root(f)];
+    std::uint32_t& part = partOf[joined.root(f)];
     if (part == kNone) {
       part = std::uint32_t(out.size());
       out.emplace_back();

@@ -23,7 +23,7 @@ constexpr double kKnownStretch = 1.5;       // L2 up to which charts of the leve
 constexpr double kFaultyStretch = 3.0;      // L2 of an object from which its UVs are a fault
 constexpr double kFaultyDensity = 4.0;      // times what the level names for the object, or a part of it
 constexpr double kTight = 0.01;             // share of an object's texels that another chart's look-ups may read
-constexpr double kFull = 0.7;               // share of a map that charts fill, about
+constexpr double kUsed = 0.7;               // share of a map that charts fill without their padding, about
 constexpr double kLongest = 0.75;           // of a map's side: longer charts are cut
 constexpr double kSmallBox = 0.005;         // of a map: smaller charts may leave their boxes empty
 constexpr double kNegligibleWeight = 1e-3;  // of a texel in a look-up
@@ -292,7 +292,7 @@ void Layouter::makeShapes() {
       }
       for (FlatChart& c : charts) alignChart(c);
       // In units of the shape: the side and the area of a square that would hold the whole level.
-      const double side_m = std::sqrt(level / kFull) / densityOf(o);
+      const double side_m = std::sqrt(level / kUsed) / densityOf(o);
       for (FlatChart& c : cutCharts(surface, faces, run_)) {
         alignChart(c);
         for (FlatChart& part : cutSprawling(std::move(c), kLongest * side_m, kSmallBox * side_m * side_m)) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <numeric>
 
 #include "lmc/verify_tangent.h"
@@ -74,16 +75,18 @@ void expectSameShuffled(const OwnedSurface& s, const std::vector<std::uint8_t>& 
   const Tangents plain = compute(s.view());
   std::vector<std::size_t> from;
   const Tangents moved = compute(shuffled(s, 1, from).view());
-  std::size_t wrong = 0, judged = 0;
-  for (std::size_t c = 0; c < from.size(); ++c, ++judged) {
+  std::size_t wrong = 0;
+  for (std::size_t c = 0; c < from.size(); ++c) {
     if (!ambiguity.empty() && ambiguity[from[c]] > 2) continue;
     const glm::vec3 off = glm::abs(plain.corners[from[c]].tangent - moved.corners[c].tangent);
     wrong += !(std::max({off.x, off.y, off.z}) <= 2e-6f) || plain.corners[from[c]].determinant != moved.corners[c].determinant;
   }
-  // The codes say how far the reference itself moved under four reorderings. A fifth moves a few more corners of soups and slivers, whose
-  // groups hang on the order of faces (24 of 4712 in big_fan, 102 of 7011 in fuzz_float, 4 of 60,025 in ToyCar; none where all is
-  // manifold).
-  EXPECT_LE(wrong, ambiguity.empty() ? 0 : judged / 50) << name;
+  // The codes say how far the reference itself moved under four reorderings. In soups and slivers, whose groups hang on the order of faces,
+  // a fifth moves a few more corners: so many as these, and none in any other surface.
+  static const std::map<std::string, std::size_t> kMoved{
+      {"big_fan.tspace", 24}, {"fuzz_float.tspace", 102}, {"real_ToyCar_part.tspace", 4}};
+  const auto moves = kMoved.find(name);
+  EXPECT_LE(wrong, moves == kMoved.end() ? 0u : moves->second) << name;
 }
 
 TEST(Tangents, DoNotHangOnTheOrderOfFacesAndCorners) { expectSameShuffled(sphere(60, 40), {}, "sphere"); }
