@@ -495,8 +495,9 @@ void Checker::lights() const {
 }
 
 void Checker::allExtras() const {
-  for (const auto& [name, rules] :
-       {std::pair<std::string_view, std::span<const Rule>>("scenes", kSceneLmcRules), {"nodes", kNodeLmcRules}}) {
+  for (const auto& [name, rules] : {std::pair<std::string_view, std::span<const Rule>>("scenes", kSceneLmcRules),
+                                    {"nodes", kNodeLmcRules},
+                                    {"materials", kMaterialLmcRules}}) {
     const Place list = root_.child(name);
     for (std::size_t i = 0; i < array(name).size(); ++i) checkExtras(array(name)[i], list.child(i), rules);
   }

@@ -53,8 +53,15 @@ inline constexpr Rule kPbrRules[] = {
 };
 inline constexpr Rule kEmissiveStrengthRules[] = {{.key = "emissiveStrength", .is = Is::Number, .code = "LMC_EMISSIVE_RANGE", .low = 0}};
 inline constexpr Rule kTransmissionRules[] = {{.key = "transmissionFactor", .is = Is::Number, .code = "LMC_MATERIAL_RANGE", .low = 0}};
+inline constexpr Rule kSpecularRules[] = {
+    {.key = "specularFactor", .is = Is::Number, .code = "LMC_MATERIAL_RANGE", .low = 0, .high = kMaxColor},
+    {.key = "specularTexture", .is = Is::Object, .rules = kTextureInfoRules},
+    {.key = "specularColorFactor", .is = Is::Numbers, .code = "LMC_MATERIAL_RANGE", .low = 0, .length = 3},
+    {.key = "specularColorTexture", .is = Is::Object, .rules = kTextureInfoRules},
+};
 inline constexpr Rule kMaterialExtensions[] = {
     {.key = "KHR_materials_emissive_strength", .is = Is::Object, .code = "LMC_EMISSIVE_RANGE", .rules = kEmissiveStrengthRules},
+    {.key = "KHR_materials_specular", .is = Is::Object, .rules = kSpecularRules},
     {.key = "KHR_materials_transmission", .is = Is::Object, .rules = kTransmissionRules},
 };
 inline constexpr Rule kMaterialRules[] = {
@@ -166,6 +173,10 @@ inline constexpr Rule kAttenuationRules[] = {
     {.key = "constant", .is = Is::Number, .low = 0},  {.key = "linear", .is = Is::Number, .low = 0},
     {.key = "quadratic", .is = Is::Number, .low = 0}, {.key = "range", .is = Is::Number, .code = "LMC_LIGHT_RANGE", .low = 0},
     {.key = "power", .is = Is::Number, .low = 0},
+};
+inline constexpr Rule kMaterialLmcRules[] = {
+    {.key = "specularTexture", .is = Is::Object, .rules = kTextureInfoRules},
+    {.key = "objectSpaceNormals", .is = Is::Flag},
 };
 inline constexpr Rule kLightLmcRules[] = {
     {.key = "model", .is = Is::Text},

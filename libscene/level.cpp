@@ -41,8 +41,8 @@ struct Visit {
 
 class Loader {
  public:
-  Loader(const std::filesystem::path& level, const LoadLimits& limits, const Run& run)
-      : limits_(limits), run_(run), file_(readGltf(level, limits, run)), model_(typedModel(file_)) {
+  Loader(const std::filesystem::path& level, const LoadLimits& limits, const Run& run, ShadingLevel* shading)
+      : limits_(limits), run_(run), shading_(shading), file_(readGltf(level, limits, run)), model_(typedModel(file_)) {
     scene_.file = level;
     checkIndexValues(file_, model_);
   }
@@ -66,6 +66,7 @@ class Loader {
   void addNode(const Visit& visit);
   void addObject(const Visit& visit, std::uint32_t primitive, std::uint32_t instance, const glm::dmat4& world, bool instanced);
   void addVertices(const Part& part, const glm::dmat4& world, const std::string& where);
+  void addVerticesForShading(const Part& part);
   bool addTriangles(const Part& part, std::uint32_t firstVertex, bool mirrored);
   void checkTextureSets(const Object& object, const Part& part) const;
   const Part& part(std::uint32_t mesh, std::uint32_t primitive, std::uint32_t mapSet);
@@ -75,10 +76,13 @@ class Loader {
   void addLightsAndCameras();
   void recentre();
   void finishMaterials();
+  template <class F>
+  void finishLooks(const F& wanted);
   void report();
 
   LoadLimits limits_;
   const Run& run_;
+  ShadingLevel* shading_;  ///< what a renderer wants; may be null
   GltfFile file_;
   tinygltf::Model model_;
   Scene scene_;
@@ -243,7 +247,9 @@ void Loader::chooseMeshNodes() {
     const tinygltf::Node& node = model_.nodes[visits_[v].node];
     const Inherited& state = visits_[v].state;
     if (node.mesh < 0 || !state.visible) continue;
-    if (!state.isStatic) {
+    if (shading_) {
+      meshNodes_.push_back(v);
+    } else if (!state.isStatic) {
       ++scene_.dynamicMeshNodes;
     } else if (state.moving || deforms(node)) {
       atRest.push_back(v);
@@ -265,7 +271,7 @@ void Loader::chooseMeshNodes() {
 
 const Part& Loader::part(std::uint32_t mesh, std::uint32_t primitive, std::uint32_t mapSet) {
   const auto [it, isNew] = parts_.try_emplace({mesh, primitive, mapSet});
-  if (isNew) it->second = readPart(file_, model_, mesh, primitive, mapSet, partReport_);
+  if (isNew) it->second = readPart(file_, model_, mesh, primitive, {mapSet, shading_ != nullptr}, partReport_);
   return it->second;
 }
 
@@ -297,6 +303,7 @@ void Loader::addVertices(const Part& part, const glm::dmat4& world, const std::s
   append(scene_.uv0, part.uv0);
   if (secondSetIsTexture_) append(scene_.uv1, part.uv1);
   append(scene_.mapUv, part.mapUv);
+  if (shading_) addVerticesForShading(part);
   if (part.source.empty())
     for (std::uint32_t v = 0; v < count; ++v) scene_.sourceVertex.push_back(v);
   else
@@ -305,6 +312,13 @@ void Loader::addVertices(const Part& part, const glm::dmat4& world, const std::s
   scene_.colors.resize(first, glm::vec4(1.0f));
   scene_.colors.insert(scene_.colors.end(), part.colors.begin(), part.colors.end());
   scene_.colors.resize(first + count, glm::vec4(1.0f));
+}
+
+void Loader::addVerticesForShading(const Part& part) {
+  shading_->positions_m.insert(shading_->positions_m.end(), part.positions.begin(), part.positions.end());
+  shading_->normals.insert(shading_->normals.end(), part.normals.begin(), part.normals.end());
+  shading_->tangents.insert(shading_->tangents.end(), part.tangents.begin(), part.tangents.end());
+  shading_->tangents.resize(shading_->positions_m.size(), glm::vec4(0.0f));
 }
 
 /// Returns false when no triangle of the part has an area in the world.
@@ -344,6 +358,7 @@ void Loader::checkTextureSets(const Object& object, const Part& part) const {
 /// Where lmc has put an object's light map before: extras.lmc.lightmap of its node.
 struct MapMark {
   std::uint32_t texCoord = 1, map = 0;
+  bool found = false;
 };
 
 MapMark mapMark(const Json& node) {
@@ -356,6 +371,7 @@ MapMark mapMark(const Json& node) {
     const Json* n = member(*mark, key);
     return n && n->is_number_unsigned() && n->get<std::uint64_t>() < most ? n->get<std::uint32_t>() : fallback;
   };
+  out.found = true;
   out.texCoord = std::max(1u, number("texCoord", 1, 64));
   out.map = number("map", 0, kMostMaps);
   return out;
@@ -401,6 +417,10 @@ void Loader::addObject(const Visit& visit, std::uint32_t primitive, std::uint32_
   object.freeTexCoord = freeTexCoord(file_.json, file_.json["meshes"][mesh]["primitives"][primitive]);
   object.texelsPerMetre = visit.state.texelsPerMetre;
   defaultMaterial_ += from.material < 0;
+  if (shading_) {
+    shading_->worlds.push_back(world);
+    shading_->marked.push_back(mark.found && object.inMap);
+  }
   scene_.objects.push_back(std::move(object));
 }
 
@@ -424,7 +444,7 @@ void Loader::addLight(const Visit& visit, std::size_t light) {
   const bool dynamic = !visit.state.isStatic || (visit.state.moving && !restPose_) || lightMoves_[light];
   if (dynamic) {
     ++scene_.dynamicLights;
-    return;
+    if (!shading_) return;
   }
   Light out = readLight(file_, light, visit.state.world, nodeWhere(visit.node), run_);
   if (!(std::max({std::abs(out.position_m.x), std::abs(out.position_m.y), std::abs(out.position_m.z)}) <= limits_.maxExtent_m))
@@ -432,7 +452,13 @@ void Loader::addLight(const Visit& visit, std::size_t light) {
                 fmt::format("the light is farther than {:g} m from the origin", limits_.maxExtent_m), "LMC_EXTENT_TOO_LARGE");
   out.path = uniquePath(lightPaths_, pathOf(visit.node), visit.node);
   out.node = std::uint32_t(visit.node);
-  scene_.lights.push_back(std::move(out));
+  if (shading_) {
+    shading_->lights.push_back(readShadedLight(file_, light, out));
+    const Json* lmc = lmcExtras(file_.json["nodes"][visit.node]);
+    const Json* baked = lmc ? member(*lmc, "baked") : nullptr;
+    shading_->lights.back().baked = !dynamic && baked && *baked == true;
+  }
+  if (!dynamic) scene_.lights.push_back(std::move(out));
 }
 
 void Loader::recentre() {
@@ -453,12 +479,40 @@ void Loader::recentre() {
     }
   for (Light& light : scene_.lights) light.position_m -= scene_.centre_m;
   for (Camera& camera : scene_.cameras) camera.position_m -= scene_.centre_m;
+  if (!shading_) return;
+  for (ShadedLight& light : shading_->lights) light.light.position_m -= scene_.centre_m;
+  for (glm::dmat4& world : shading_->worlds) world[3] -= glm::dvec4(scene_.centre_m, 0.0);
+}
+
+/// Calls wanted(texture, material) for each texture of a look that can be read.
+template <class F>
+void Loader::finishLooks(const F& wanted) {
+  shading_->looks = readLooks(file_, model_, run_);
+  for (std::size_t m = 0; m < shading_->looks.size(); ++m)
+    for (const auto slot : kLookTextures) {
+      Texture& texture = shading_->looks[m].*slot;
+      if (texture && texture.uvSet > 1) {
+        note(fmt::format("/materials/{}", m), fmt::format("a texture uses TEXCOORD_{}; it is left out", texture.uvSet), "LMC_TEXCOORD");
+        texture = {};
+      }
+      wanted(texture, m);
+    }
 }
 
 void Loader::finishMaterials() {
   std::vector<bool> used(scene_.materials.size(), false);
   for (const Object& object : scene_.objects) used[object.material] = true;
-  scene_.images = decodeImages(file_, scene_.materials, used, limits_, run_);
+  std::vector<Texture*> textures;
+  const auto wanted = [&](Texture& texture, std::size_t material) {
+    if (used[material])
+      textures.push_back(&texture);
+    else
+      texture = {};
+  };
+  for (std::size_t m = 0; m < scene_.materials.size(); ++m)
+    for (const TextureSlot& slot : kTextureSlots) wanted(scene_.materials[m].*slot.texture, m);
+  if (shading_) finishLooks(wanted);
+  scene_.images = decodeImages(file_, textures, limits_, run_);
   std::uint32_t clear = 0;
   for (std::size_t m = 0; m < used.size(); ++m) clear += used[m] && !scene_.materials[m].opaqueToLight();
   if (clear > 0)
@@ -535,6 +589,7 @@ Scene Loader::load() {
   scene_.materials = readMaterials(file_, model_, run_);
   for (const Material& m : scene_.materials)
     for (const TextureSlot& slot : kTextureSlots) secondSetIsTexture_ |= bool(m.*slot.texture) && (m.*slot.texture).uvSet == 1;
+  secondSetIsTexture_ |= shading_ != nullptr;
   countAhead();
   for (std::size_t i = 0; i < meshNodes_.size(); ++i) {
     addNode(visits_[meshNodes_[i]]);
@@ -552,7 +607,13 @@ Scene Loader::load() {
 }  // namespace
 
 Scene loadLevel(const std::filesystem::path& level, const LoadLimits& limits, const Run& run) {
-  return withJsonErrors(level, [&] { return Loader(level, limits, run).load(); });
+  return withJsonErrors(level, [&] { return Loader(level, limits, run, nullptr).load(); });
+}
+
+ShadingLevel loadForShading(const std::filesystem::path& level, const LoadLimits& limits, const Run& run) {
+  ShadingLevel out;
+  out.scene = withJsonErrors(level, [&] { return Loader(level, limits, run, &out).load(); });
+  return out;
 }
 
 }  // namespace lmc

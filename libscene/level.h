@@ -4,6 +4,7 @@
 
 #include "libscene/run.h"
 #include "libscene/scene.h"
+#include "libscene/shading.h"
 
 namespace lmc {
 
@@ -21,5 +22,8 @@ struct LoadLimits {
 /// Reads, checks and converts. Reports what is ignored through run.note, each thing once, by name.
 /// Throws Error: Io (not there, a folder, unreadable), Broken (JSON pointer given), Unsupported, Limit.
 Scene loadLevel(const std::filesystem::path& level, const LoadLimits& limits, const Run& run);
+
+/// The same for a renderer, with what a bake has no use for.
+ShadingLevel loadForShading(const std::filesystem::path& level, const LoadLimits& limits, const Run& run);
 
 }  // namespace lmc

@@ -78,6 +78,22 @@ Light readLight(const GltfFile& file, std::size_t light, const glm::dmat4& world
   return out;
 }
 
+ShadedLight readShadedLight(const GltfFile& file, std::size_t index, const Light& light) {
+  constexpr double kDefaultPower = 32.0;
+  const Json& json = file.json["extensions"]["KHR_lights_punctual"]["lights"][index];
+  ShadedLight out;
+  out.light = light;
+  out.specular = light.intensity;
+  if (!light.classic) return out;
+  const glm::dvec3 own = rgb(json, "color", glm::dvec3(1.0)) * json.value("intensity", 1.0);
+  const Json& lmc = *lmcExtras(json);
+  out.ambient = Rgb(rgb(lmc, "ambient", glm::dvec3(0.0)));
+  out.specular = Rgb(rgb(lmc, "specular", own));
+  out.specularIntensity = lmc.value("specularIntensity", 1.0);
+  out.specularPower = lmc.value("specularPower", kDefaultPower);
+  return out;
+}
+
 std::optional<Camera> readCamera(const tinygltf::Camera& from, const glm::dmat4& world) {
   if (from.type != "perspective") return std::nullopt;
   Camera out;

@@ -110,6 +110,37 @@ Material readMaterial(const MaterialPlace& place, const tinygltf::Material& from
   return out;
 }
 
+Look readLook(const MaterialPlace& place, const Json& json) {
+  Look out;
+  const auto texture = [&](const Json* info, const char* slot) {
+    return info ? readTexture(place, (*info)["index"].get<int>(), info->value("texCoord", 0), info, slot) : Texture{};
+  };
+  const Json *normal = member(json, "normalTexture"), *occlusion = member(json, "occlusionTexture");
+  out.normalTexture = texture(normal, "/normalTexture");
+  if (normal) out.normalScale = normal->value("scale", 1.0f);
+  out.occlusionTexture = texture(occlusion, "/occlusionTexture");
+  if (occlusion) out.occlusionStrength = occlusion->value("strength", 1.0f);
+  if (const Json* pbr = member(json, "pbrMetallicRoughness")) {
+    out.roughness = pbr->value("roughnessFactor", 1.0f);
+    out.roughnessTexture = texture(member(*pbr, "metallicRoughnessTexture"), "/pbrMetallicRoughness/metallicRoughnessTexture");
+  }
+  const Json *extras = member(json, "extras"), *lmc = extras ? member(*extras, "lmc") : nullptr,
+             *khr = extension(json, "KHR_materials_specular");
+  const Json* own = lmc ? member(*lmc, "specularTexture") : nullptr;
+  if (lmc) out.objectSpaceNormals = lmc->value("objectSpaceNormals", false);
+  if (khr) {
+    out.specular *= khr->value("specularFactor", 1.0f);
+    if (const Json* color = member(*khr, "specularColorFactor"))
+      out.specular *= Rgb((*color)[0].get<float>(), (*color)[1].get<float>(), (*color)[2].get<float>());
+  } else if (own) {
+    out.specular = Rgb(1.0f);  // the map is what it shines with
+  }
+  out.specularTexture =
+      own ? texture(own, "/extras/lmc/specularTexture")
+          : texture(khr ? member(*khr, "specularColorTexture") : nullptr, "/extensions/KHR_materials_specular/specularColorTexture");
+  return out;
+}
+
 }  // namespace
 
 const TextureSlot kTextureSlots[3] = {{"/pbrMetallicRoughness/baseColorTexture", &Material::baseColorTexture},
@@ -124,8 +155,16 @@ std::vector<Material> readMaterials(const GltfFile& file, const tinygltf::Model&
   return out;
 }
 
-std::vector<Image<glm::u8vec4>> decodeImages(GltfFile& file, std::vector<Material>& materials, const std::vector<bool>& used,
-                                             const LoadLimits& limits, const Run& run) {
+std::vector<Look> readLooks(const GltfFile& file, const tinygltf::Model& model, const Run& run) {
+  std::vector<Look> out;
+  for (std::size_t i = 0; i < model.materials.size(); ++i)
+    out.push_back(readLook({file, model, run, fmt::format("/materials/{}", i)}, file.json["materials"][i]));
+  out.emplace_back();
+  return out;
+}
+
+std::vector<Image<glm::u8vec4>> decodeImages(GltfFile& file, const std::vector<Texture*>& textures, const LoadLimits& limits,
+                                             const Run& run) {
   std::vector<Image<glm::u8vec4>> images;
   std::vector<std::uint32_t> placeOf;
   const auto decoded = [&](std::uint32_t image) {
@@ -149,15 +188,8 @@ std::vector<Image<glm::u8vec4>> decodeImages(GltfFile& file, std::vector<Materia
     images.push_back(std::move(picture.image));
     return placeOf[image] = std::uint32_t(images.size() - 1);
   };
-  for (std::size_t m = 0; m < materials.size(); ++m)
-    for (const TextureSlot& slot : kTextureSlots) {
-      Texture& texture = materials[m].*slot.texture;
-      if (!texture) continue;
-      if (used[m])
-        texture.image = decoded(texture.image);
-      else
-        texture = {};
-    }
+  for (Texture* texture : textures)
+    if (*texture) texture->image = decoded(texture->image);
   return images;
 }
 

@@ -65,6 +65,16 @@ std::vector<glm::vec4> readColors(const Place& place, const tinygltf::Model& mod
   return colors;
 }
 
+/// Those that say nothing, zero or not finite, become zero vectors.
+std::vector<glm::vec4> readTangents(const GltfFile& file, const tinygltf::Model& model, int accessor) {
+  std::vector<glm::vec4> tangents = readVectors<4>(file, model, accessor);
+  for (glm::vec4& t : tangents) {
+    const float length = glm::length(glm::vec3(t));
+    t = length > 0.0f && std::isfinite(length) ? glm::vec4(glm::vec3(t) / length, t.w < 0.0f ? -1.0f : 1.0f) : glm::vec4(0.0f);
+  }
+  return tangents;
+}
+
 std::vector<glm::uvec3> trianglesOf(int mode, std::span<const std::uint32_t> corners) {
   std::vector<glm::uvec3> out;
   const auto n = std::uint32_t(corners.size());
@@ -177,7 +187,7 @@ std::vector<glm::uvec3> readTriangles(const GltfFile& file, const tinygltf::Mode
   return trianglesOf(primitive.mode, cornersOf(file, model, primitive, vertices));
 }
 
-Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, std::uint32_t mapSet,
+Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, const PartWish& wish,
               PartReport& report) {
   const tinygltf::Primitive& from = model.meshes[mesh].primitives[primitive];
   const Place place{file, fmt::format("/meshes/{}/primitives/{}", mesh, primitive)};
@@ -189,15 +199,16 @@ Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t me
   part.triangles = readTriangles(file, model, from);
   if (const int a = attribute(from, "TEXCOORD_0"); a >= 0) part.uv0 = readUvs(place, model, a, "TEXCOORD_0");
   if (const int a = attribute(from, "TEXCOORD_1"); a >= 0) part.uv1 = readUvs(place, model, a, "TEXCOORD_1");
-  if (mapSet == 1)
+  if (wish.mapSet == 1)
     part.mapUv = part.uv1;
-  else if (const std::string name = fmt::format("TEXCOORD_{}", mapSet); attribute(from, name.c_str()) >= 0)
+  else if (const std::string name = fmt::format("TEXCOORD_{}", wish.mapSet); attribute(from, name.c_str()) >= 0)
     part.mapUv = readUvs(place, model, attribute(from, name.c_str()), name.c_str());
   if (const int a = attribute(from, "COLOR_0"); a >= 0) part.colors = readColors(place, model, a);
   report.degenerate += dropDegenerate(part);
   if (const int a = attribute(from, "NORMAL"); a >= 0) {
     part.normals = readVectors<3>(file, model, a);
     mendNormals(part, report);
+    if (const int t = attribute(from, "TANGENT"); t >= 0 && wish.tangents) part.tangents = readTangents(file, model, t);
   } else {
     makeFlat(part);
   }

@@ -13,7 +13,7 @@ namespace lmc {
 struct Part {
   std::vector<glm::vec3> positions, normals;
   std::vector<glm::vec2> uv0, uv1, mapUv;
-  std::vector<glm::vec4> colors;
+  std::vector<glm::vec4> colors, tangents;
   std::vector<glm::uvec3> triangles;
   std::vector<std::uint32_t> source;  ///< the vertex of the primitive that each is a copy of; empty = they are the primitive's own
 };
@@ -34,9 +34,16 @@ struct PartReport {
   std::uint64_t normalsNotUnit = 0;  ///< length off by more than a tenth
 };
 
-/// Strips, fans and lists, indexed or not; map UVs from TEXCOORD_`mapSet`. Where normals are missing each triangle gets corners of its own
-/// and the normal of its face. Normals are unit. Throws Error for values that no level can mean: not finite, index out of range.
-Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, std::uint32_t mapSet,
+/// Which attributes of a primitive are wanted beside those that every level needs.
+struct PartWish {
+  std::uint32_t mapSet = 1;  ///< TEXCOORD_n of the map UVs
+  bool tangents = false;
+};
+
+/// Strips, fans and lists, indexed or not. Where normals are missing each triangle gets corners of its own
+/// and the normal of its face, and no tangents. Normals are unit. Throws Error for values that no level can mean: not finite, index out of
+/// range.
+Part readPart(const GltfFile& file, const tinygltf::Model& model, std::size_t mesh, std::size_t primitive, const PartWish& wish,
               PartReport& report);
 
 /// A transform as glTF names its parts.

@@ -8,6 +8,7 @@
 #include <new>
 
 #include "lmc/bake.h"
+#include "lmc/check_shader.h"
 #include "lmc/compare.h"
 #include "lmc/normals.h"
 #include "lmc/shade.h"
@@ -37,6 +38,7 @@ struct Perform {
   lmc::Exit operator()(const lmc::PlanOptions& o) const { return lmc::showPlan(o); }
   lmc::Exit operator()(const lmc::CompareOptions& o) const { return lmc::compare(o); }
   lmc::Exit operator()(const lmc::ShadeOptions& o) const { return lmc::shade(o); }
+  lmc::Exit operator()(const lmc::CheckShaderOptions& o) const { return lmc::checkShader(o); }
   lmc::Exit operator()(const lmc::VerifyOptions& o) const { return lmc::verify(o); }
   lmc::Exit operator()(const lmc::TangentsOptions& o) const { return lmc::tangents(o); }
   lmc::Exit operator()(const lmc::NormalsOptions& o) const { return lmc::normals(o); }

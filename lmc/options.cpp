@@ -251,10 +251,64 @@ NormalsOptions settled(NormalsOptions o, const std::string& from, const std::str
   return o;
 }
 
+const char* const kCameraHelp =
+    "name of a camera of the level, or px,py,pz,tx,ty,tz,fov (metres, degrees) [default: the level's first, else one made]";
+
+void addShade(CLI::App* app, ShadeOptions& o) {
+  app->add_option("OUT", o.out, "folder of a bake, or a level that was not baked")->required();
+  app->add_option("-o,--out", o.picture, "file to write: .png, or .exr (linear, exposure 1)")->required();
+  app->add_option("--camera", o.camera, kCameraHelp)->type_name("CAMERA");
+  app->add_option("--width", o.width, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
+  app->add_option("--height", o.height, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
+  app->add_option("--exposure", o.exposure, "factor on outgoing radiance [default: from the picture]")->check(CLI::Range(1e-12, 1e12));
+  app->add_option("--view", o.view, "what is looked at: the picture, a target of the G-buffer, or light alone")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"final", "radiance", "diffuse", "ao", "specular", "power", "normal", "depth", "lightmap", "emission",
+                             "screen-ao", "ambient", "diffuse-light", "specular-light"}))
+      ->type_name("VIEW");
+  app->add_option_function<std::string>(
+         "--tonemap", [&o](const std::string& t) { o.reinhard = t == "reinhard"; },
+         "none (cut off at white; the default) or reinhard (c/(1 + c))")
+      ->check(CLI::IsMember({"none", "reinhard"}))
+      ->type_name("CURVE");
+  app->add_option_function<std::string>(
+         "--ao",
+         [&o](const std::string& t) {
+           o.bakedAo = t == "baked" || t == "both";
+           o.screenAo = t == "screen" || t == "both";
+         },
+         "ambient occlusion: baked (of the map or the material; the default), screen (screen space), both or off")
+      ->check(CLI::IsMember({"baked", "screen", "both", "off"}))
+      ->type_name("KIND");
+  app->add_flag("--no-light-map{false}", o.lightMap, "as if the level were not baked: all lights drawn by the passes");
+  app->add_flag("--no-normal-maps{false}", o.normalMaps, "vertex normals alone");
+  app->add_flag("--ignore-determinant{false}", o.determinants, "take all UVs for unmirrored, for a look at what that does");
+  app->add_flag("--oracle", o.oracle, "draw in C++ and double precision, without GL");
+  app->add_option("--shader-dir", o.shaderDir, "folder of own shaders: each takes the place of lmc's of the same name")->type_name("DIR");
+  app->add_option("-j,--threads", o.threads, "threads of --oracle [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+}
+
+void addCheckShader(CLI::App* app, CheckShaderOptions& o) {
+  app->add_option("OUT", o.level, "folder of a bake, or a level that was not baked")->required();
+  app->add_option("--shader-dir", o.shaderDir, "folder of own shaders: each takes the place of lmc's of the same name")
+      ->required()
+      ->type_name("DIR");
+  app->add_option("-o,--out", o.picture, "PNG to write where pictures differ: reference, own, difference")->capture_default_str();
+  app->add_option("--camera", o.camera, kCameraHelp)->type_name("CAMERA");
+  app->add_option("--width", o.width, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
+  app->add_option("--height", o.height, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
+  app->add_option("--max-diff", o.maxDiff,
+                  "largest difference allowed, of the largest value of a target; exit code 7 above it [default: 1/255]")
+      ->check(CLI::Range(0.0, 1e12));
+  app->add_flag("--json", o.json, "print the figures as JSON");
+  app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+}
+
 constexpr const char* kExitCodes =
     "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is "
     "not "
-    "supported, 5 explicit goal missed (maps written), 6 numerical check failed (maps not written), 7 compare above its limit, 8 no space, "
+    "supported, 5 explicit goal missed (maps written), 6 numerical check failed (maps not written), 7 compare or check-shader above its "
+    "limit, 8 no space, "
     "memory or "
     "size limit, 9 internal error, 130/143 stopped.";
 
@@ -316,18 +370,13 @@ Command parseCommandLine(int argc, const char* const* argv) {
   compareApp->add_flag("--json", compare.json, "print the figures as JSON");
 
   ShadeOptions shade;
-  CLI::App* shadeApp = app.add_subcommand("shade", "picture of a baked level: surface * light map");
-  shadeApp->add_option("OUT", shade.out, "folder of a bake")->required();
-  shadeApp->add_option("-o,--out", shade.picture, "PNG file to write")->required();
-  shadeApp
-      ->add_option("--camera", shade.camera,
-                   "name of a camera of the level, or px,py,pz,tx,ty,tz,fov (metres, degrees) [default: the level's first, else one made]")
-      ->type_name("CAMERA");
-  shadeApp->add_option("--width", shade.width, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
-  shadeApp->add_option("--height", shade.height, "pixels")->capture_default_str()->check(CLI::Range(1, 16384));
-  shadeApp->add_option("--exposure", shade.exposure, "factor on outgoing radiance [default: from the picture]")
-      ->check(CLI::Range(1e-12, 1e12));
-  shadeApp->add_option("-j,--threads", shade.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+  CLI::App* shadeApp = app.add_subcommand("shade", "picture of a level, baked or not, by the deferred reference shader");
+  addShade(shadeApp, shade);
+
+  CheckShaderOptions checkShader;
+  CLI::App* checkShaderApp = app.add_subcommand(
+      "check-shader", "draw a level with own shaders and with the reference, and name what is wrong; exit code 7 when they differ");
+  addCheckShader(checkShaderApp, checkShader);
 
   VerifyOptions verify;
   CLI::App* verifyApp =
@@ -408,6 +457,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
   if (*bakeApp) return bake;
   if (*planApp) return plan;
   if (*compareApp) return compare;
+  if (*checkShaderApp) return checkShader;
   if (*verifyApp) return verify;
   if (*tangentsApp) return tangents;
   if (*normalsApp) return settled(normals, normalsFrom, normalsAs);

@@ -56,7 +56,21 @@ struct ShadeOptions {
   std::filesystem::path out, picture;
   std::string camera;  ///< a camera's name, or px,py,pz,tx,ty,tz,fov
   int width = 1280, height = 720;
-  double exposure = 0.0;  ///< factor on E/pi * albedo; 0 = from the picture
+  double exposure = 0.0;       ///< factor on radiance; 0 = from the picture, 1 for an EXR file
+  std::string view = "final";  ///< what is looked at
+  bool reinhard = false;       ///< tone curve
+  bool lightMap = true, bakedAo = true, screenAo = false, normalMaps = true, determinants = true;
+  bool oracle = false;              ///< by C++, without GL
+  std::filesystem::path shaderDir;  ///< own passes; empty = none
+  int threads = 0;
+};
+
+struct CheckShaderOptions {
+  std::filesystem::path shaderDir, level, picture = "shader-difference.png";
+  std::string camera;
+  int width = 320, height = 180;
+  double maxDiff = 1.0 / 255.0;
+  bool json = false;
   int threads = 0;
 };
 
@@ -129,8 +143,8 @@ struct ShowText {
   std::string text;  ///< help or version, for stdout
 };
 
-using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, VerifyOptions, UnwrapOptions, InfoOptions,
-                             AttachOptions, TangentsOptions, NormalsOptions, ShowText>;
+using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, CheckShaderOptions, VerifyOptions, UnwrapOptions,
+                             InfoOptions, AttachOptions, TangentsOptions, NormalsOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc

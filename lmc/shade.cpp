@@ -1,169 +1,143 @@
 #include "lmc/shade.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
-#include <sstream>
 
-#include "libradiosity/emitters.h"
 #include "libscene/constants.h"
 #include "libscene/exr.h"
 #include "libscene/image_file.h"
 #include "libscene/parallel.h"
-#include "libscene/rng.h"
-#include "libscene/texels.h"
-#include "libscene/texture.h"
-#include "libscene/tracer.h"
 #include "lmc/bake.h"
+#include "lmc/shade_level.h"
+#include "shaders/oracle.h"
+#include "shaders/reference.h"
+#include "shaders/sampling.h"
 
 namespace lmc {
 
 namespace {
 
-constexpr int kSamples = 16;           // per pixel
-constexpr double kBrightShare = 0.95;  // this share of the pixels is darker than display white when the exposure is chosen here
-constexpr double kWhite = 0.85;
+using shaders::Frame;
+using shaders::Target;
 
-struct Map {
-  ExrImage image;
-  float scale = 1.0f;
-  Rgb texel(int x, int y) const {
-    x = std::clamp(x, 0, image.width - 1);
-    y = std::clamp(y, 0, image.height - 1);
-    const std::size_t i = std::size_t(y) * std::size_t(image.width) + std::size_t(x);
-    return scale * Rgb(image.channels.at("R")[i], image.channels.at("G")[i], image.channels.at("B")[i]);
-  }
-  /// Bilinear about texel centres.
-  Rgb at(glm::vec2 uv) const {
-    const glm::vec2 p = uv * glm::vec2(image.width, image.height) - 0.5f, f = glm::floor(p), w = p - f;
-    const int x = int(f.x), y = int(f.y);
-    return glm::mix(glm::mix(texel(x, y), texel(x + 1, y), w.x), glm::mix(texel(x, y + 1), texel(x + 1, y + 1), w.x), w.y);
-  }
+constexpr float kMostHalf = 65504.0f;
+constexpr double kMostPower = 256.0;  // of specular lobes, as the shaders clamp it
+
+/// What is looked at: a target, or its alpha channel.
+struct Looked {
+  Target target;
+  bool alpha = false;
 };
 
-Camera cameraOf(const Scene& scene, const std::string& wish) {
-  for (const Camera& c : scene.cameras)
-    if (wish.empty() || c.name == wish) return c;
-  glm::dvec3 eye(0.0), target(0.0);
-  double fov_deg = 60.0;
-  if (!wish.empty()) {
-    double v[7];
-    char end = 0;
-    if (std::sscanf(wish.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf%c", v, v + 1, v + 2, v + 3, v + 4, v + 5, v + 6, &end) != 7 ||
-        !(v[6] > 0.0 && v[6] < 180.0))
-      throw Error(Exit::Usage, "lmc", "", fmt::format("--camera: '{}' is neither a camera of the level nor px,py,pz,tx,ty,tz,fov", wish));
-    eye = glm::dvec3(v[0], v[1], v[2]) - scene.centre_m;
-    target = glm::dvec3(v[3], v[4], v[5]) - scene.centre_m;
-    fov_deg = v[6];
-  } else {
-    glm::dvec3 lo(1e300), hi(-1e300);
-    for (const glm::vec3& p : scene.positions_m) {
-      lo = glm::min(lo, glm::dvec3(p));
-      hi = glm::max(hi, glm::dvec3(p));
-    }
-    eye = glm::mix(lo, hi, glm::dvec3(0.9, 0.6, 0.9));  // from inside the bounds: rooms are seen from within
-    target = glm::mix(lo, hi, glm::dvec3(0.2, 0.35, 0.2));
-  }
-  Camera c;
-  c.position_m = eye;
-  const glm::dvec3 back = glm::normalize(eye - target);
-  const glm::dvec3 up = std::abs(back.y) > 0.999 ? glm::dvec3(0, 0, 1) : glm::dvec3(0, 1, 0);
-  const glm::dvec3 right = glm::normalize(glm::cross(up, back));
-  c.axes = glm::dmat3(right, glm::cross(back, right), back);
-  c.verticalFov_rad = fov_deg * kPi / 180.0;
-  return c;
+Looked lookedAt(const std::string& view) {
+  if (view == "ao") return {Target::Diffuse, true};
+  if (view == "power") return {Target::Specular, true};
+  const auto name = std::ranges::find(shaders::kTargetNames, view);
+  return {Target(name - shaders::kTargetNames.begin())};
 }
 
-std::uint8_t encoded(double linear) {
-  const double v = std::clamp(linear, 0.0, 1.0);
-  const double s = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
-  return std::uint8_t(std::lround(255.0 * s));
+/// Light, which is exposed; E as a white surface shows it.
+bool isLight(Target t) { return t == Target::Baked || t == Target::Emission || t >= Target::AmbientLight; }
+
+Image<glm::vec4> lightOf(const Frame& frame, Target t) {
+  Image<glm::vec4> out = frame[t];
+  if (t == Target::Baked)
+    for (glm::vec4& p : out.pixels) p *= float(1.0 / kPi);
+  return out;
+}
+
+/// Values of a target as they are, but for light: that is exposed.
+Image<glm::vec4> rawPicture(const Frame& frame, const Looked& looked, double exposure) {
+  Image<glm::vec4> out = isLight(looked.target) ? lightOf(frame, looked.target) : frame[looked.target];
+  for (glm::vec4& p : out.pixels) {
+    if (looked.alpha)
+      p = glm::vec4(p.w);
+    else if (looked.target == Target::Depth || looked.target == Target::ScreenAo)
+      p = glm::vec4(p.x);
+    else if (isLight(looked.target))
+      p *= float(exposure);
+  }
+  return out;
+}
+
+/// For eyes: light and colours sRGB-encoded, depth from white (near) to black, the rest as it is.
+Image<glm::vec4> shownPicture(const Frame& frame, const Looked& looked, double wish) {
+  const double exposure = !isLight(looked.target) ? 1.0 : wish > 0.0 ? wish : shaders::exposureFor(lightOf(frame, looked.target));
+  Image<glm::vec4> out = rawPicture(frame, looked, exposure);
+  float nearest = kMostHalf, farthest = 0.0f;
+  for (const glm::vec4& p : frame[Target::Depth].pixels)
+    if (p.x > 0.0f) nearest = std::min(nearest, p.x), farthest = std::max(farthest, p.x);
+  for (glm::vec4& p : out.pixels)
+    for (int k = 0; k < 3; ++k) {
+      if (looked.target == Target::Depth)
+        p[k] = p[k] > 0.0f ? 1.0f - 0.9f * (p[k] - nearest) / std::max(farthest - nearest, 1e-6f) : 0.0f;
+      else if (looked.target == Target::Specular && looked.alpha)
+        p[k] /= float(kMostPower);
+      else if (!looked.alpha && looked.target != Target::Normal && looked.target != Target::ScreenAo)
+        p[k] = float(shaders::encodedSrgb(std::clamp(double(p[k]), 0.0, 1.0)));
+    }
+  return out;
+}
+
+void writePng(const std::filesystem::path& file, const Image<glm::vec4>& image) {
+  Image<glm::u8vec4> out(image.width, image.height);
+  for (std::size_t i = 0; i < out.pixels.size(); ++i)
+    for (int k = 0; k < 3; ++k) {
+      const float v = image.pixels[i][k];
+      out.pixels[i][k] = std::isfinite(v) ? std::uint8_t(std::lround(255.0f * std::clamp(v, 0.0f, 1.0f))) : std::uint8_t(255);
+    }
+  const std::vector<std::uint8_t> png = encodePng(out, false);
+  writeFileWhole(file, {reinterpret_cast<const char*>(png.data()), png.size()});
+}
+
+void writeLinear(const std::filesystem::path& file, Image<glm::vec4> image) {
+  for (glm::vec4& p : image.pixels)
+    for (int k = 0; k < 4; ++k) p[k] = std::isfinite(p[k]) ? std::clamp(p[k], -kMostHalf, kMostHalf) : kMostHalf;
+  const std::filesystem::path folder = file.parent_path();
+  OutputSet set(folder.empty() ? "." : folder);
+  const float* data = &image.pixels[0].x;
+  writeExr(set.open(file.filename()), image.width, image.height, {{"R", data, 4}, {"G", data + 1, 4}, {"B", data + 2, 4}});
+  set.commit();
+}
+
+void ignoreDeterminants(ShadingLevel& level) {
+  for (glm::vec4& t : level.tangents)
+    if (t.w != 0.0f) t.w = 1.0f;
 }
 
 }  // namespace
 
-nlohmann::json readSidecar(const std::filesystem::path& folder) {
-  const std::vector<std::uint8_t> sidecarText = readFile(folder / "level.lmc.json");
-  const auto sidecar = nlohmann::json::parse(sidecarText, nullptr, false);
-  if (sidecar.is_discarded() || !sidecar.contains("files"))
-    throw Error(Exit::Broken, folder / "level.lmc.json", "", "is not a sidecar of lmc");
-  for (const auto& f : sidecar["files"]) {
-    const auto name = f.value("name", std::string());
-    if (name.empty() || name.find('/') != std::string::npos || contentHash(readFile(folder / name)) != f.value("xxh3", std::string()))
-      throw Error(Exit::Broken, folder / name, "", "is not the file that the sidecar speaks of: bake again", "LMC_HASH");
-  }
-  return sidecar;
-}
-
 Exit shade(const ShadeOptions& options) {
+  const bool linear = options.picture.extension() == ".exr";
+  if (!linear && options.picture.extension() != ".png")
+    throw Error(Exit::Usage, "lmc", "", "shade: -o takes a name that ends in .png or .exr");
   const Run run = stoppableRun(options.threads);
-  const nlohmann::json sidecar = readSidecar(options.out);
-  const Scene scene = loadLevel(options.out / "level.glb", {}, run);
-  std::vector<Map> maps;
-  for (const auto& m : sidecar.value("maps", nlohmann::json::array())) {
-    const std::filesystem::path file = options.out / m.value("file", std::string());
-    Map& map = maps.emplace_back(Map{readExr(file), 1.0f});
-    if (!map.image.channels.contains("R") || !map.image.channels.contains("G") || !map.image.channels.contains("B"))
-      throw Error(Exit::Broken, file, "", "has no channels R, G, B");
-    if (const auto s = map.image.attributes.find("lmcScale"); s != map.image.attributes.end()) map.scale = s->second;
-  }
-  for (const Object& o : scene.objects)
-    if (o.map >= maps.size()) throw Error(Exit::Broken, options.out / "level.lmc.json", "/maps", "lacks a map that the level names");
+  LoadedLevel loaded = loadForShader(options.out, options.camera, run);
+  if (!options.determinants) ignoreDeterminants(loaded.level);
 
-  const Camera camera = cameraOf(scene, options.camera);
-  const Tracer tracer(scene);
-  Image<glm::dvec3> radiance(options.width, options.height);
-  const double tangent = std::tan(0.5 * camera.verticalFov_rad);
-  withThreads(run, [&] {
-    parallelFor(run, std::size_t(options.height), 1, [&](std::size_t row) {
-      for (int x = 0; x < options.width; ++x) {
-        const int y = int(row);
-        const Sobol4 numbers(combine(std::uint64_t(y) << 32 | std::uint64_t(x), 0xca3e7a));
-        std::array<Ray, kSamples> rays;
-        std::array<Hit, kSamples> hits;
-        for (std::uint32_t k = 0; k < kSamples; ++k) {
-          const glm::vec2 u = numbers.point2(k);
-          const double sx = (2.0 * (x + double(u.x)) / options.width - 1.0) * tangent * options.width / options.height;
-          const double sy = (1.0 - 2.0 * (y + double(u.y)) / options.height) * tangent;
-          rays[k] = {glm::vec3(camera.position_m), glm::vec3(camera.axes * glm::dvec3(sx, sy, -1.0)), INFINITY};
-        }
-        tracer.closest(rays, hits, Purpose::Camera);
-        glm::dvec3 sum(0.0);
-        for (const Hit& hit : hits) {
-          if (!hit) {
-            sum += glm::dvec3(scene.sky);
-            continue;
-          }
-          if (!hit.front && !scene.materialOf(hit.triangle).doubleSided) continue;
-          const glm::uvec3 t = scene.triangles[hit.triangle];
-          const glm::vec2 uv =
-              (1.0f - hit.bary.x - hit.bary.y) * scene.mapUv[t.x] + hit.bary.x * scene.mapUv[t.y] + hit.bary.y * scene.mapUv[t.z];
-          if (scene.objectOf(hit.triangle).receive)
-            sum += glm::dvec3(reflectanceAt(scene, hit.triangle, hit.bary) * maps[scene.objectOf(hit.triangle).map].at(uv)) / kPi;
-          sum += glm::dvec3(emissionAt(scene, hit.triangle, hit.bary));
-        }
-        radiance.at(x, y) = sum / double(kSamples);
-      }
-    });
-  });
+  shaders::View view;
+  view.camera = cameraFor(loaded.level.scene, options.camera);
+  view.width = options.width;
+  view.height = options.height;
+  view.exposure = options.exposure > 0.0 || !linear ? options.exposure : 1.0;
+  view.toneCurve = options.reinhard ? shaders::ToneCurve::Reinhard : shaders::ToneCurve::None;
+  view.encode = !linear;
+  view.lightMap = options.lightMap;
+  view.bakedAo = options.bakedAo;
+  view.screenAo = options.screenAo || options.view == "screen-ao";
+  view.normalMaps = options.normalMaps;
 
-  double exposure = options.exposure;
-  if (!(exposure > 0.0)) {
-    std::vector<double> values;
-    for (const glm::dvec3& p : radiance.pixels) values.push_back(std::max({p.x, p.y, p.z}));
-    const auto nth = values.begin() + std::ptrdiff_t(kBrightShare * double(values.size() - 1));
-    std::nth_element(values.begin(), nth, values.end());
-    exposure = *nth > 0.0 ? kWhite / *nth : 1.0;
-  }
-  Image<glm::u8vec4> picture(options.width, options.height);
-  for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
-    const glm::dvec3 c = exposure * radiance.pixels[i];
-    picture.pixels[i] = {encoded(c.x), encoded(c.y), encoded(c.z), 255};
-  }
-  const std::vector<std::uint8_t> png = encodePng(picture, false);
-  writeFileWhole(options.picture, {reinterpret_cast<const char*>(png.data()), png.size()});
+  Frame frame;
+  if (options.oracle)
+    withThreads(run, [&] { frame = shaders::renderOracle(loaded.level, loaded.maps, view, run); });
+  else
+    frame = shaders::Reference(loaded.level, loaded.maps).render(view, shaders::ShaderChoice::all(options.shaderDir));
+
+  const Looked looked = lookedAt(options.view);
+  if (linear)
+    writeLinear(options.picture, looked.target == Target::Picture ? frame[Target::Picture] : rawPicture(frame, looked, view.exposure));
+  else
+    writePng(options.picture, looked.target == Target::Picture ? frame[Target::Picture] : shownPicture(frame, looked, options.exposure));
   return Exit::Done;
 }
 

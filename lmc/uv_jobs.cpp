@@ -19,7 +19,7 @@
 #include "lmc/bake.h"
 #include "lmc/memory.h"
 #include "lmc/report.h"
-#include "lmc/shade.h"
+#include "lmc/sidecar.h"
 
 namespace lmc {
 

@@ -22,6 +22,8 @@ DOORS = {  # outside header -> files that may include it
     r'xxhash\.h': {'libscene/files.cpp'},
     r'ceres/': {'libradiosity/seam_solve.cpp'},
     r'Eigen/': {'libradiosity/solve.cpp'},
+    r'GL/': {'shaders/gl.h', 'shaders/gl.cpp'},
+    r'dlfcn\.h': {'shaders/gl.cpp'},
     r'tiny_gltf\.h': {'libscene/gltf_read.h', 'libscene/gltf_read.cpp'},
 }
 bad = []

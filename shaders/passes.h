@@ -1,0 +1,68 @@
+#pragma once
+/// The passes of the reference shader, in the order in which they are drawn, and the files that they are made of.
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "shaders/view.h"
+
+namespace lmc::shaders {
+
+enum class Pass : std::uint8_t { GBuffers, GBuffersBump, LightMap, Directional, Point, Spot, Ssao, Composite, ToneMap };
+
+struct PassRow {
+  Pass pass;
+  std::string_view name, vertex, fragment;
+  std::vector<Target> targets;  ///< that it writes
+};
+inline const std::array<PassRow, 9> kPasses{{
+    {Pass::GBuffers,
+     "gbuffers",
+     "deferred/gbuffers.vert",
+     "deferred/gbuffers.frag",
+     {Target::Diffuse, Target::Specular, Target::Normal, Target::Depth, Target::Baked, Target::Emission}},
+    {Pass::GBuffersBump,
+     "gbuffers_bump",
+     "deferred/gbuffers_bump.vert",
+     "deferred/gbuffers_bump.frag",
+     {Target::Diffuse, Target::Specular, Target::Normal, Target::Depth, Target::Baked, Target::Emission}},
+    {Pass::LightMap, "lightmap", "deferred/screen.vert", "deferred/lightmap.frag", {Target::AmbientLight, Target::DiffuseLight}},
+    {Pass::Directional,
+     "directional",
+     "deferred/screen.vert",
+     "deferred/directional.frag",
+     {Target::AmbientLight, Target::DiffuseLight, Target::SpecularLight}},
+    {Pass::Point,
+     "point",
+     "deferred/volume.vert",
+     "deferred/point.frag",
+     {Target::AmbientLight, Target::DiffuseLight, Target::SpecularLight}},
+    {Pass::Spot, "spot", "deferred/volume.vert", "deferred/spot.frag", {Target::AmbientLight, Target::DiffuseLight, Target::SpecularLight}},
+    {Pass::Ssao, "ssao", "deferred/screen.vert", "deferred/ssao.frag", {Target::ScreenAo}},
+    {Pass::Composite, "composite", "deferred/screen.vert", "deferred/composite.frag", {Target::Radiance}},
+    {Pass::ToneMap, "tonemap", "deferred/screen.vert", "deferred/tonemap.frag", {Target::Picture}},
+}};
+
+/// A shader whose includes have been put in their places.
+struct ShaderText {
+  std::string text;                          ///< with `#line` marks: line L of files[S] is "S:L" to a compiler
+  std::vector<std::filesystem::path> files;  ///< a name such as common/light.glsl where the file is lmc's own
+  bool replaced = false;                     ///< a file of the user's folder is among them
+};
+
+enum class Profile { Core330, Es300 };
+
+/// The shader `name` (such as deferred/point.frag). Each file is taken from `folder` where that has it, by its whole name or by the
+/// last part of it; else from the program; an empty folder has none. Throws Error for an include that is nowhere.
+ShaderText shaderText(std::string_view name, const std::filesystem::path& folder, Profile profile = Profile::Core330);
+
+/// Names of all files that lmc has, includes among them.
+std::vector<std::string_view> shaderNames();
+
+/// For a user: "S:L(C): error: ..." of a compiler's log as "FILE:L: error: ...".
+std::string namedLog(std::string_view log, const ShaderText&);
+
+}  // namespace lmc::shaders

@@ -1,0 +1,77 @@
+#include "shaders/view.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "libscene/constants.h"
+
+namespace lmc::shaders {
+
+namespace {
+
+constexpr double kDarkerShare = 0.95;    // this share of the pixels is darker than kWhite
+constexpr double kWhite = 0.85;          // of display white
+constexpr double kLeastNear = 1e-3;      // of the level's extent: nearer, 24 bits of depth tell far surfaces no longer apart
+constexpr double kScreenAoRadius = 0.1;  // of the level's extent: the size of a thing in a room
+constexpr double kAutomaticFov_rad = 60.0 * kPi / 180.0;
+
+struct Box {
+  glm::dvec3 low{1e300}, high{-1e300};
+  void add(const glm::dvec3& p) {
+    low = glm::min(low, p);
+    high = glm::max(high, p);
+  }
+  double distance(const glm::dvec3& p) const { return glm::length(glm::max(glm::max(low - p, p - high), glm::dvec3(0.0))); }
+};
+
+}  // namespace
+
+double exposureFor(const Image<glm::vec4>& radiance) {
+  std::vector<double> values;
+  for (const glm::vec4& p : radiance.pixels) values.push_back(double(std::max({p.x, p.y, p.z})));
+  if (values.empty()) return 1.0;
+  const auto nth = values.begin() + std::ptrdiff_t(kDarkerShare * double(values.size() - 1));
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth > 0.0 ? kWhite / *nth : 1.0;
+}
+
+double nearPlane_m(const Scene& scene, const Camera& camera) {
+  double nearest = 1e300;
+  for (const glm::uvec3& t : scene.triangles) {
+    Box box;
+    for (int c = 0; c < 3; ++c) box.add(glm::dvec3(scene.positions_m[t[c]]));
+    nearest = std::min(nearest, box.distance(camera.position_m));
+  }
+  // A distance along the axis is at least a quarter of the whole one for pictures of up to 150 degrees across.
+  const double extent = std::max(double(scene.extent_m), 1e-6);
+  return std::clamp(0.25 * nearest, kLeastNear * extent, extent);
+}
+
+double screenAoRadius_m(const Scene& scene) { return kScreenAoRadius * std::max(double(scene.extent_m), 1e-6); }
+
+Camera cameraAt(const glm::dvec3& eye_m, const glm::dvec3& target_m, double verticalFov_rad) {
+  Camera out;
+  out.position_m = eye_m;
+  const glm::dvec3 back = glm::length(eye_m - target_m) > 0.0 ? glm::normalize(eye_m - target_m) : glm::dvec3(0, 0, 1);
+  const glm::dvec3 up = std::abs(back.y) > 0.999 ? glm::dvec3(0, 0, 1) : glm::dvec3(0, 1, 0);
+  const glm::dvec3 right = glm::normalize(glm::cross(up, back));
+  out.axes = glm::dmat3(right, glm::cross(back, right), back);
+  out.verticalFov_rad = verticalFov_rad;
+  return out;
+}
+
+Camera automaticCamera(const Scene& scene) {
+  Box box;
+  for (const glm::vec3& p : scene.positions_m) box.add(glm::dvec3(p));
+  if (scene.positions_m.empty()) return cameraAt({0, 0, 1}, {0, 0, 0}, kAutomaticFov_rad);
+  return cameraAt(glm::mix(box.low, box.high, glm::dvec3(0.9, 0.6, 0.9)), glm::mix(box.low, box.high, glm::dvec3(0.2, 0.35, 0.2)),
+                  kAutomaticFov_rad);
+}
+
+glm::dmat3 normalMatrix(const glm::dmat4& world) {
+  const glm::dmat3 m(world);
+  const double sign = glm::determinant(m) < 0.0 ? -1.0 : 1.0;
+  return {sign * glm::cross(m[1], m[2]), sign * glm::cross(m[2], m[0]), sign * glm::cross(m[0], m[1])};
+}
+
+}  // namespace lmc::shaders
