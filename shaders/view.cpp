@@ -13,6 +13,7 @@ constexpr double kDarkerShare = 0.95;    // this share of the pixels is darker t
 constexpr double kWhite = 0.85;          // of display white
 constexpr double kLeastNear = 1e-3;      // of the level's extent: nearer, 24 bits of depth tell far surfaces no longer apart
 constexpr double kScreenAoRadius = 0.1;  // of the level's extent: the size of a thing in a room
+constexpr glm::dvec3 kFromAside(0.15, 0.12, 0.3);  // an object with as many faces one way as the other is seen from here
 constexpr double kAutomaticFov_rad = 60.0 * kPi / 180.0;
 
 struct Box {
@@ -63,9 +64,24 @@ Camera cameraAt(const glm::dvec3& eye_m, const glm::dvec3& target_m, double vert
 Camera automaticCamera(const Scene& scene) {
   Box box;
   for (const glm::vec3& p : scene.positions_m) box.add(glm::dvec3(p));
-  if (scene.positions_m.empty()) return cameraAt({0, 0, 1}, {0, 0, 0}, kAutomaticFov_rad);
-  return cameraAt(glm::mix(box.low, box.high, glm::dvec3(0.9, 0.6, 0.9)), glm::mix(box.low, box.high, glm::dvec3(0.2, 0.35, 0.2)),
-                  kAutomaticFov_rad);
+  if (scene.triangles.empty()) return cameraAt({0, 0, 1}, {0, 0, 0}, kAutomaticFov_rad);
+  const glm::dvec3 centre = 0.5 * (box.low + box.high);
+  glm::dvec3 facing(0.0);
+  double outwards = 0.0, area = 0.0;
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
+    const auto c = scene.corners_m(t);
+    const glm::dvec3 normal = glm::cross(c[1] - c[0], c[2] - c[0]);
+    outwards += glm::dot(normal, (c[0] + c[1] + c[2]) / 3.0 - centre);
+    facing += normal;
+    area += glm::length(normal);
+  }
+  // Faces of a room look at one another; those of a panel with knobs on it look inwards too, but one way.
+  if (outwards < 0.0 && glm::length(facing) < 0.5 * area)
+    return cameraAt(glm::mix(box.low, box.high, glm::dvec3(0.9, 0.6, 0.9)), glm::mix(box.low, box.high, glm::dvec3(0.2, 0.35, 0.2)),
+                    kAutomaticFov_rad);
+  const glm::dvec3 way = glm::normalize(facing / std::max(area, 1e-300) + kFromAside);
+  const double radius = 0.5 * glm::length(box.high - box.low), distance = radius / std::sin(0.5 * kAutomaticFov_rad);
+  return cameraAt(centre + distance * way, centre, kAutomaticFov_rad);
 }
 
 glm::dmat3 normalMatrix(const glm::dmat4& world) {

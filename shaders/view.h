@@ -71,7 +71,7 @@ double nearPlane_m(const Scene&, const Camera&);
 /// Radius of screen-space ambient occlusion for this level [m].
 double screenAoRadius_m(const Scene&);
 
-/// From inside the bounds of the level: rooms are seen from within.
+/// Rooms, whose faces look inwards, are seen from within, things from outside.
 Camera automaticCamera(const Scene&);
 /// At `eye_m`, looking at `target_m`, +Y up; recentred coordinates.
 Camera cameraAt(const glm::dvec3& eye_m, const glm::dvec3& target_m, double verticalFov_rad);

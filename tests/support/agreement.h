@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "libscene/parallel.h"
 #include "shaders/oracle.h"
 
 namespace lmc::test {
