@@ -10,12 +10,15 @@ namespace {
 View viewFor(const View& view, Pass pass) {
   View out = view;
   out.screenAo = pass == Pass::Ssao;
+  if (pass == Pass::GBuffers) out.bumpySurfaces = false;
+  if (pass == Pass::GBuffersBump) out.plainSurfaces = false;
   if (pass != Pass::LightMap && pass != Pass::Directional && pass != Pass::Point && pass != Pass::Spot) return out;
   out.ambient = false;
   out.lightMapPass = pass == Pass::LightMap;
   out.directional = pass == Pass::Directional;
   out.point = pass == Pass::Point;
   out.spot = pass == Pass::Spot;
+  out.volumes = false;
   return out;
 }
 

@@ -65,6 +65,8 @@ class Judge {
     for (std::size_t i = 0; i < mine_.size(); ++i)
       if (distance(reference_[i], right_[i], scale_) <= kSamePixel) inside_.push_back(i);
     difference_ = errorOf([&](std::size_t i) { return reference_[i]; });
+    differs_.resize(mine_.size(), 0);
+    for (const std::size_t i : inside_) differs_[i] = distance(reference_[i], mine_[i], scale_) > kSamePixel;
   }
   double difference() const { return difference_; }
 
@@ -76,9 +78,11 @@ class Judge {
     return sum;
   }
   /// A guess at the colour alone; alpha stays that of the reference.
+  /// The same of a guess at the colour alone, where the pictures differ: a fault may be made for some pixels and not for others, such as
+  /// the background. Alpha stays that of the reference.
   template <class F>
   double errorOfColour(const F& guess) const {
-    return errorOf([&](std::size_t i) { return glm::dvec4(guess(glm::dvec3(reference_[i])), reference_[i].w); });
+    return errorOf([&](std::size_t i) { return differs_[i] ? glm::dvec4(guess(glm::dvec3(reference_[i])), reference_[i].w) : mine_[i]; });
   }
   /// The oracle's change is put on the reference, so that what the two differ by anyway drops out.
   double errorOfSlip(const Image<glm::vec4>& slipped) const {
@@ -95,7 +99,7 @@ class Judge {
   double factor() const {
     double across = 0.0, along = 0.0;
     for (const std::size_t i : inside_) {
-      if (!std::isfinite(glm::dot(mine_[i], mine_[i]))) continue;
+      if (!differs_[i] || !std::isfinite(glm::dot(mine_[i], mine_[i]))) continue;
       across += glm::dot(glm::dvec3(mine_[i]), glm::dvec3(reference_[i]));
       along += glm::dot(glm::dvec3(reference_[i]), glm::dvec3(reference_[i]));
     }
@@ -106,7 +110,8 @@ class Judge {
   int width_;
   Scale scale_;
   Pixels reference_, mine_, right_;
-  std::vector<std::size_t> inside_;  ///< pixels that no edge touches
+  std::vector<std::size_t> inside_;    ///< pixels that no edge touches
+  std::vector<std::uint8_t> differs_;  ///< of all pixels
   double difference_ = 0.0;
 };
 
@@ -128,10 +133,10 @@ const NamedFactor kFactors[] = {
     {-1.0, "negated", "has the opposite sign"},
 };
 
-Finding findingOfFactor(double factor, double unexplained) {
+const NamedFactor* nameOf(double factor) {
   for (const NamedFactor& f : kFactors)
-    if (std::abs(factor - f.factor) <= kFactorTolerance * std::max(0.1, std::abs(f.factor))) return {f.name, f.words, unexplained};
-  return {"factor", fmt::format("is {:.4g} times what it should be", factor), unexplained};
+    if (std::abs(factor - f.factor) <= kFactorTolerance * std::max(0.1, std::abs(f.factor))) return &f;
+  return nullptr;
 }
 
 struct Curve {
@@ -158,6 +163,23 @@ const Swap kSwaps[] = {
     {"rotated-channels", "has blue, red, green for red, green, blue", {2, 0, 1}},
 };
 
+/// Passes without formulas that a slip could be made in have none.
+std::optional<SlipPlace> placeOf(Pass pass) {
+  switch (pass) {
+    case Pass::GBuffers:
+    case Pass::GBuffersBump:
+      return SlipPlace::GBuffer;
+    case Pass::Directional:
+    case Pass::Point:
+    case Pass::Spot:
+      return SlipPlace::Light;
+    case Pass::Composite:
+      return SlipPlace::Composite;
+    default:
+      return std::nullopt;
+  }
+}
+
 /// Keeps the guess that leaves least; an earlier one stays where a later one is no better.
 class Best {
  public:
@@ -175,19 +197,22 @@ class Best {
   std::optional<Finding> found_;
 };
 
-void offerPictures(Best& best, const Judge& judge) {
+void offerPictures(Best& best, const Judge& judge, std::string_view target) {
+  const auto finding = [&](const char* name, std::string_view words, double left) {
+    return Finding{name, fmt::format("{} {}", target, words), left};
+  };
   for (const Swap& s : kSwaps)
     best.offer(judge.errorOfColour([&](const glm::dvec3& c) { return glm::dvec3(c[s.from.x], c[s.from.y], c[s.from.z]); }),
-               [&](double left) {
-                 return Finding{s.name, s.words, left};
-               });
+               [&](double left) { return finding(s.name, s.words, left); });
   for (const Curve& c : kCurves)
-    best.offer(judge.errorOfColour([&](const glm::dvec3& p) { return glm::dvec3(c.map(p.x), c.map(p.y), c.map(p.z)); }), [&](double left) {
-      return Finding{c.name, c.words, left};
-    });
-  best.offer(judge.errorUpsideDown(), [](double left) { return Finding{"upside-down", "is upside down", left}; });
+    best.offer(judge.errorOfColour([&](const glm::dvec3& p) { return glm::dvec3(c.map(p.x), c.map(p.y), c.map(p.z)); }),
+               [&](double left) { return finding(c.name, c.words, left); });
+  best.offer(judge.errorUpsideDown(), [&](double left) { return finding("upside-down", "is upside down", left); });
   const double k = judge.factor();
-  best.offer(judge.errorOfColour([&](const glm::dvec3& c) { return k * c; }), [&](double left) { return findingOfFactor(k, left); });
+  best.offer(judge.errorOfColour([&](const glm::dvec3& c) { return k * c; }), [&](double left) {
+    const NamedFactor* named = nameOf(k);
+    return named ? finding(named->name, named->words, left) : finding("factor", fmt::format("is {:.4g} times what it should be", k), left);
+  });
 }
 
 }  // namespace
@@ -220,16 +245,14 @@ std::optional<Finding> diagnose(const Comparison& c, const PassRow& pass, const 
   if (!(judge->difference() > 0.0)) return std::nullopt;
   Best best(judge->difference());
   for (const SlipRow& row : kSlips) {
+    if (row.place != placeOf(pass.pass)) continue;
     const Frame slipped = renderOracle(c.level, c.maps, c.view, run, row.slip);
     best.offer(judge->errorOfSlip(slipped[target]), [&](double left) {
       return Finding{std::string(row.name), std::string(row.words), left};
     });
   }
-  offerPictures(best, *judge);
-  std::optional<Finding> out = best.found();
-  if (out && std::ranges::none_of(kSlips, [&](const SlipRow& row) { return row.name == out->name; }))
-    out->words = fmt::format("{} {}", kTargetNames[std::size_t(target)], out->words);
-  return out;
+  offerPictures(best, *judge, kTargetNames[std::size_t(target)]);
+  return best.found();
 }
 
 }  // namespace lmc::shaders

@@ -16,14 +16,15 @@ double classicAttenuation(const ClassicAttenuation& a, double d, Slip slip) {
   const double quadratic = slip == Slip::QuadraticPrecedence && a.range > 0.0 ? 1.0 : a.quadratic;
   const double denominator = a.constant + a.linear * d + quadratic * d * d;
   if (!(denominator > 0.0)) return 0.0;
-  if (!(a.range > 0.0) || slip == Slip::WindowMissing) return 1.0 / denominator;
+  if (!(a.range > 0.0) || slip == Slip::WindowMissing || slip == Slip::ClassicWindowMissing) return 1.0 / denominator;
   if (slip == Slip::WindowPowerOutside) return std::pow(saturate(1.0 - d / a.range), a.power) / denominator;
   return saturate(1.0 - std::pow(d / a.range, a.power)) / denominator;
 }
 
 double inverseSquare(double d, double range_m, Slip slip) {
   if (!(d * d > 0.0)) return 0.0;
-  const double window = range_m > 0.0 && slip != Slip::WindowMissing ? saturate(1.0 - std::pow(d / range_m, 4.0)) : 1.0;
+  const bool windowed = range_m > 0.0 && slip != Slip::WindowMissing && slip != Slip::PhysicalWindowMissing;
+  const double window = windowed ? saturate(1.0 - std::pow(d / range_m, 4.0)) : 1.0;
   return slip == Slip::InverseDistance ? window / d : window / (d * d);
 }
 
@@ -69,7 +70,7 @@ Frame3 worldFrame(const glm::dmat4& world, const glm::dvec3& normalMesh, const g
 LightParts lightAt(const Place& place, const ShadedLight& shaded, Slip slip) {
   const Light& light = shaded.light;
   glm::dvec3 toLight = -light.direction;
-  double attenuation = light.classic ? 1.0 : 1.0 / kPi;
+  double attenuation = light.classic || slip == Slip::PiMissing ? 1.0 : slip == Slip::PiTwice ? 1.0 / (kPi * kPi) : 1.0 / kPi;
   if (light.kind != Light::Kind::Directional) {
     const glm::dvec3 way = light.position_m - place.position_m;
     const double d = glm::length(way);

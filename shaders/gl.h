@@ -8,8 +8,9 @@ namespace lmc::shaders {
 
 #define LMC_GL_FUNCTIONS(X)                                                                                                               \
   X(ActiveTexture, ACTIVETEXTURE)                                                                                                         \
-  X(AttachShader, ATTACHSHADER) X(BindBuffer, BINDBUFFER) X(BindFramebuffer, BINDFRAMEBUFFER) X(BindSampler, BINDSAMPLER)                 \
-      X(BindTexture, BINDTEXTURE) X(BindVertexArray, BINDVERTEXARRAY) X(BlendFunc, BLENDFUNC) X(BufferData, BUFFERDATA)                   \
+  X(AttachShader, ATTACHSHADER)                                                                                                           \
+  X(BindBuffer, BINDBUFFER) X(BindFramebuffer, BINDFRAMEBUFFER) X(BindSampler, BINDSAMPLER) X(BindTexture, BINDTEXTURE)                   \
+      X(BindVertexArray, BINDVERTEXARRAY) X(BlendFunc, BLENDFUNC) X(BufferData, BUFFERDATA)                                               \
           X(CheckFramebufferStatus, CHECKFRAMEBUFFERSTATUS) X(ClearBufferfv, CLEARBUFFERFV) X(CompileShader, COMPILESHADER) X(            \
               CreateProgram, CREATEPROGRAM) X(CreateShader, CREATESHADER) X(CullFace, CULLFACE) X(DeleteFramebuffers, DELETEFRAMEBUFFERS) \
               X(DeleteShader, DELETESHADER) X(DeleteTextures, DELETETEXTURES) X(DepthFunc, DEPTHFUNC) X(DepthMask, DEPTHMASK)             \

@@ -8,6 +8,13 @@ namespace lmc::shaders {
 
 namespace {
 
+/// On one line.
+std::string joined(std::string text) {
+  while (text.ends_with('\n')) text.pop_back();
+  for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2) text.replace(at, 1, "; ");
+  return text;
+}
+
 /// The compiler's first complaint becomes the place of the error, the rest its text.
 Error compileError(const std::string& log, const ShaderText& shader) {
   const std::size_t end = log.find('\n');
@@ -19,9 +26,9 @@ Error compileError(const std::string& log, const ShaderText& shader) {
     const std::string place = first.substr(prefix.size(), colon - prefix.size());
     std::string text = colon == std::string::npos ? "does not compile" : first.substr(colon + 2);
     if (text.starts_with("error: ")) text.erase(0, 7);
-    return Error(Exit::Broken, file, place, rest.empty() ? text : text + "; " + rest, "LMC_SHADER");
+    return Error(Exit::Broken, file, place, rest.empty() ? text : joined(text + "\n" + rest), "LMC_SHADER");
   }
-  return Error(Exit::Broken, shader.files.front(), "", log.empty() ? "does not compile" : log, "LMC_SHADER");
+  return Error(Exit::Broken, shader.files.front(), "", log.empty() ? "does not compile" : joined(log), "LMC_SHADER");
 }
 
 GLuint compiled(const GlContext& gl, GLenum stage, const ShaderText& shader) {
@@ -56,7 +63,7 @@ GlProgram::GlProgram(const GlContext& gl, const PassRow& pass, const std::filesy
   std::string log(std::size_t(length) + 1, '\0');
   gl.GetProgramInfoLog(program_, length, nullptr, log.data());
   throw Error(Exit::Broken, fragmentText.files.front(), "",
-              fmt::format("does not link with {}: {}", vertexText.files.front().string(), log.c_str()), "LMC_SHADER");
+              fmt::format("does not link with {}: {}", vertexText.files.front().string(), joined(log.c_str())), "LMC_SHADER");
 }
 
 }  // namespace lmc::shaders

@@ -49,7 +49,6 @@ void append(ShaderText& out, std::string_view name, const std::filesystem::path&
   const std::size_t index = out.files.size();
   out.files.push_back(source.file);
   out.replaced |= source.own;
-  out.text += fmt::format("#line 1 {}\n", index);
   int number = 0;
   for (std::size_t at = 0; at < source.text.size();) {
     const std::size_t end = std::min(source.text.find('\n', at), source.text.size());
@@ -58,12 +57,10 @@ void append(ShaderText& out, std::string_view name, const std::filesystem::path&
     ++number;
     if (const std::string_view included = includedBy(line); !included.empty()) {
       append(out, included, folder, source.file);
-      out.text += fmt::format("#line {} {}\n", number + 1, index);
-    } else if (line.starts_with("#version")) {
-      out.text += "\n";  // the prologue has said it
-    } else {
+    } else if (!line.starts_with("#version")) {  // the prologue has said it
       out.text += line;
       out.text += '\n';
+      out.lines.push_back({index, number});
     }
   }
 }
@@ -74,6 +71,7 @@ ShaderText shaderText(std::string_view name, const std::filesystem::path& folder
   ShaderText out;
   out.text = profile == Profile::Core330 ? "#version 330 core\n"
                                          : "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n";
+  out.lines.assign(std::size_t(std::ranges::count(out.text, '\n')), {0, 0});
   append(out, name, folder, name);
   return out;
 }
@@ -85,21 +83,20 @@ std::vector<std::string_view> shaderNames() {
 }
 
 std::string namedLog(std::string_view log, const ShaderText& shader) {
+  constexpr std::string_view kSource = "0:";  // of the one string that was compiled
   std::string out;
   for (std::size_t at = 0; at < log.size();) {
     const std::size_t end = std::min(log.find('\n', at), log.size());
     const std::string_view line = log.substr(at, end - at);
     at = end + 1;
-    const char* const last = line.data() + line.size();
-    std::size_t file = 0;
-    int number = 0;
-    const auto colon = std::from_chars(line.data(), last, file);
-    const auto rest = colon.ec == std::errc() && colon.ptr != last && *colon.ptr == ':'
-                          ? std::from_chars(colon.ptr + 1, last, number)
-                          : std::from_chars_result{last, std::errc::invalid_argument};
-    if (rest.ec == std::errc() && file < shader.files.size()) {
-      const std::size_t text = line.find(": ", std::size_t(rest.ptr - line.data()));
-      out += fmt::format("{}:{}{}\n", shader.files[file].string(), number, text == std::string_view::npos ? "" : line.substr(text));
+    std::size_t number = 0;
+    const std::size_t colon = line.find(':'), text = line.find(": ");
+    const bool placed = line.starts_with(kSource) && text != std::string_view::npos &&
+                        std::from_chars(line.data() + colon + 1, line.data() + line.size(), number).ec == std::errc() && number >= 1 &&
+                        number <= shader.lines.size();
+    if (placed) {
+      const ShaderText::Line& from = shader.lines[number - 1];
+      out += fmt::format("{}:{}{}\n", shader.files[from.file].string(), from.number, line.substr(text));
     } else if (!line.empty()) {
       out += line;
       out += '\n';

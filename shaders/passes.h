@@ -48,8 +48,13 @@ inline const std::array<PassRow, 9> kPasses{{
 
 /// A shader whose includes have been put in their places.
 struct ShaderText {
-  std::string text;                          ///< with `#line` marks: line L of files[S] is "S:L" to a compiler
-  std::vector<std::filesystem::path> files;  ///< a name such as common/light.glsl where the file is lmc's own
+  struct Line {
+    std::size_t file;  ///< into files
+    int number;        ///< in that file, from 1
+  };
+  std::string text;
+  std::vector<Line> lines;                   ///< where each line of the text comes from; those of the prologue are the first file's line 0
+  std::vector<std::filesystem::path> files;  ///< a name such as common/lighting.glsl where the file is lmc's own
   bool replaced = false;                     ///< a file of the user's folder is among them
 };
 
@@ -62,7 +67,8 @@ ShaderText shaderText(std::string_view name, const std::filesystem::path& folder
 /// Names of all files that lmc has, includes among them.
 std::vector<std::string_view> shaderNames();
 
-/// For a user: "S:L(C): error: ..." of a compiler's log as "FILE:L: error: ...".
+/// For a user: "0:L(C): error: ..." of a compiler's log as "FILE:L: error: ...", L being the line in that file. (`#line` would do the same
+/// if Mesa kept its second number.)
 std::string namedLog(std::string_view log, const ShaderText&);
 
 }  // namespace lmc::shaders

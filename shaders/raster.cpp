@@ -67,7 +67,7 @@ Image<Fragment> rasterise(const ShadingLevel& level, const View& view, const std
   Image<Fragment> out(view.width, view.height);
   for (std::uint32_t o = 0; o < scene.objects.size(); ++o) {
     const Object& object = scene.objects[o];
-    if (!isDrawn(scene, object)) continue;
+    if (!isDrawn(level, view, o)) continue;
     const bool doubleSided = scene.materials[object.material].doubleSided;
     for (std::uint32_t i = object.firstTriangle; i < object.firstTriangle + object.triangleCount; ++i) {
       std::array<glm::dvec3, 3> corners_m;

@@ -46,11 +46,11 @@ struct Volume {
   glm::dmat4 toWorld{1.0};
 };
 
-Volume volumeOf(const GlLevel& level, const ShadedLight& shaded, const Lens& lens) {
+Volume volumeOf(const GlLevel& level, const ShadedLight& shaded, const Lens& lens, bool wanted) {
   const Light& light = shaded.light;
   const double range = light.classic ? light.classic->range : light.range_m;
   // An ambient term has no attenuation: it would end at the border of the volume, for all to see.
-  if (!(range > 0.0) || shaded.ambient != Rgb(0.0f)) return {&level.screen(), false, glm::inverse(lens.viewProjection)};
+  if (!wanted || !(range > 0.0) || shaded.ambient != Rgb(0.0f)) return {&level.screen(), false, glm::inverse(lens.viewProjection)};
   Volume out{&level.sphere()};
   out.toWorld[3] = glm::dvec4(light.position_m, 1.0);
   if (light.kind == Light::Kind::Point || light.cosOuter < kWidestCone) {
@@ -96,7 +96,7 @@ struct Reference::State {
 
   void geometry(const View&, const ShaderChoice&, const Lens&, const Buffers&);
   void lights(const View&, const ShaderChoice&, const Lens&, const Buffers&);
-  void light(const ShadedLight&, const ShaderChoice&, const Lens&, const Buffers&);
+  void light(const ShadedLight&, const View&, const ShaderChoice&, const Lens&, const Buffers&);
   void screenAo(const View&, const ShaderChoice&, const Lens&, const Buffers&);
   void composite(const View&, const ShaderChoice&, const Lens&, const Buffers&);
   void toneMap(const View&, const ShaderChoice&, double exposure, const Buffers&);
@@ -203,7 +203,7 @@ void Reference::State::geometry(const View& view, const ShaderChoice& choice, co
   for (const Pass pass : {Pass::GBuffers, Pass::GBuffersBump}) {
     const GlProgram* program = nullptr;
     for (std::uint32_t o = 0; o < level.scene.objects.size(); ++o) {
-      if (!shaders::isDrawn(level.scene, level.scene.objects[o]) || hasNormalMap(level, view, o) != (pass == Pass::GBuffersBump)) continue;
+      if (!isDrawn(level, view, o) || hasNormalMap(level, view, o) != (pass == Pass::GBuffersBump)) continue;
       if (!program) {
         program = &use(pass, choice);
         setLens(*program, lens, b);
@@ -234,13 +234,13 @@ void Reference::State::lights(const View& view, const ShaderChoice& choice, cons
   gl.Enable(GL_BLEND);
   gl.BlendFunc(GL_ONE, GL_ONE);
   for (const ShadedLight& l : level.lights)
-    if (isLit(view, l.light.kind)) light(l, choice, lens, b);
+    if (isLit(view, l.light.kind)) light(l, view, choice, lens, b);
   gl.Disable(GL_BLEND);
   gl.Disable(GL_DEPTH_TEST);
   gl.Disable(GL_CULL_FACE);
 }
 
-void Reference::State::light(const ShadedLight& shaded, const ShaderChoice& choice, const Lens& lens, const Buffers& b) {
+void Reference::State::light(const ShadedLight& shaded, const View& view, const ShaderChoice& choice, const Lens& lens, const Buffers& b) {
   const Light& light = shaded.light;
   const GlProgram& program = use(passOf(light.kind), choice);
   setLens(program, lens, b);
@@ -262,7 +262,7 @@ void Reference::State::light(const ShadedLight& shaded, const ShaderChoice& choi
     drawScreen();
     return;
   }
-  const Volume volume = volumeOf(meshes, shaded, lens);
+  const Volume volume = volumeOf(meshes, shaded, lens, view.volumes);
   program.set("volume", volume.toWorld);
   if (volume.bounded) {
     // The backs of the volume where they lie behind what was drawn: right from outside and from inside.

@@ -22,8 +22,12 @@ enum class Slip : std::uint8_t {
   SpecularMapIgnored,
   SpecularUnattenuated,
   DiffuseUnclamped,
+  PiMissing,
+  PiTwice,
   QuadraticPrecedence,
   WindowMissing,
+  ClassicWindowMissing,
+  PhysicalWindowMissing,
   WindowPowerOutside,
   InverseDistance,
   ConeMissing,
@@ -35,38 +39,54 @@ enum class Slip : std::uint8_t {
   EmissionMissing,
 };
 
+/// Which passes a slip can be made in.
+enum class SlipPlace : std::uint8_t { GBuffer, Light, Composite };
+
 struct SlipRow {
   Slip slip;
-  std::string_view name;   ///< stable, for tests and scripts
+  SlipPlace place;
+  std::string_view name;   ///< stable, for tests and scripts; several slips may be one fault
   std::string_view words;  ///< for a person
 };
-inline constexpr std::array<SlipRow, 25> kSlips{{
-    {Slip::DeterminantFlipped, "flipped-determinant",
+inline constexpr std::array<SlipRow, 29> kSlips{{
+    {Slip::DeterminantFlipped, SlipPlace::GBuffer, "flipped-determinant",
      "the determinant is flipped (or the arguments of cross(normal, tangent), or green where normals are in tangent space)"},
-    {Slip::DeterminantIgnored, "determinant-ignored", "the determinant is left out: mirrored UVs are lit from the wrong side"},
-    {Slip::MirrorIgnored, "node-mirror-ignored", "the bitangent does not follow a node that mirrors (worldMirror)"},
-    {Slip::GreenFlipped, "flipped-green", "green of the normal map is flipped"},
-    {Slip::ColourNotDecoded, "normal-not-decoded", "the colour of the normal map is not brought from [0, 1] to [-1, 1]"},
-    {Slip::NormalMapIgnored, "normal-map-ignored", "the normal map has no effect"},
-    {Slip::NormalByWorldMatrix, "normal-by-world-matrix", "normals go by the world matrix, not by its inverse transpose"},
-    {Slip::BackNotTurned, "back-not-turned", "the normal of the back of a double-sided surface is not turned about"},
-    {Slip::SpecularUngated, "missing-n.l-gate", "the n.l > 0 gate of the specular term is missing: surfaces shine that face away"},
-    {Slip::ReflectionSign, "reflection-sign", "the reflection vector has the opposite sign: r = L - 2 (n.L) n with L towards the surface"},
-    {Slip::ReflectArgumentsSwapped, "reflect-arguments", "the arguments of reflect() are swapped: it takes (incident, normal)"},
-    {Slip::SpecularMapIgnored, "specular-map-ignored", "the specular colour of the surface has no effect"},
-    {Slip::SpecularUnattenuated, "specular-unattenuated", "the specular term has no attenuation"},
-    {Slip::DiffuseUnclamped, "diffuse-unclamped", "n.l is not clamped: a light takes light from surfaces that face away"},
-    {Slip::QuadraticPrecedence, "attenuation-range", "1/range*range is 1: the quadratic factor is 1/(range * range)"},
-    {Slip::WindowMissing, "range-window-missing", "the range does not end the light: saturate(1 - (d/range)^power) is missing"},
-    {Slip::WindowPowerOutside, "range-power-outside", "the power is taken of the difference, not of d/range"},
-    {Slip::InverseDistance, "inverse-distance", "light falls with 1/d, not with 1/d^2"},
-    {Slip::ConeMissing, "cone-missing", "the spot has no cone"},
-    {Slip::ConeNotSquared, "cone-not-squared", "the fall-off of the cone is not squared"},
-    {Slip::StaticTwice, "static-light-twice", "lights that are in the light map are drawn again"},
-    {Slip::AoIgnored, "ao-ignored", "ambient occlusion has no effect"},
-    {Slip::AoOnDirect, "ao-on-direct", "ambient occlusion scales the direct part, not the ambient part alone"},
-    {Slip::AlbedoMissing, "albedo-missing", "light is not multiplied by the surface: surface * lightMap"},
-    {Slip::EmissionMissing, "emission-missing", "what surfaces emit is left out"},
+    {Slip::DeterminantIgnored, SlipPlace::GBuffer, "determinant-ignored",
+     "the determinant is left out: mirrored UVs are lit from the wrong side"},
+    {Slip::MirrorIgnored, SlipPlace::GBuffer, "node-mirror-ignored", "the bitangent does not follow a node that mirrors (worldMirror)"},
+    {Slip::GreenFlipped, SlipPlace::GBuffer, "flipped-green", "green of the normal map is flipped"},
+    {Slip::ColourNotDecoded, SlipPlace::GBuffer, "normal-not-decoded",
+     "the colour of the normal map is not brought from [0, 1] to [-1, 1]"},
+    {Slip::NormalMapIgnored, SlipPlace::GBuffer, "normal-map-ignored", "the normal map has no effect"},
+    {Slip::NormalByWorldMatrix, SlipPlace::GBuffer, "normal-by-world-matrix",
+     "normals go by the world matrix, not by its inverse transpose"},
+    {Slip::BackNotTurned, SlipPlace::GBuffer, "back-not-turned", "the normal of the back of a double-sided surface is not turned about"},
+    {Slip::SpecularUngated, SlipPlace::Light, "missing-n.l-gate",
+     "the n.l > 0 gate of the specular term is missing: surfaces shine that face away"},
+    {Slip::ReflectionSign, SlipPlace::Light, "reflection-sign",
+     "the reflection vector has the opposite sign: r = L - 2 (n.L) n with L towards the surface"},
+    {Slip::ReflectArgumentsSwapped, SlipPlace::Light, "reflect-arguments",
+     "the arguments of reflect() are swapped: it takes (incident, normal)"},
+    {Slip::SpecularMapIgnored, SlipPlace::Light, "specular-map-ignored", "the specular colour of the surface has no effect"},
+    {Slip::SpecularUnattenuated, SlipPlace::Light, "specular-unattenuated", "the specular term has no attenuation"},
+    {Slip::DiffuseUnclamped, SlipPlace::Light, "diffuse-unclamped", "n.l is not clamped: a light takes light from surfaces that face away"},
+    {Slip::PiMissing, SlipPlace::Light, "pi", "1/pi is missing: a light of candela or lux gives E, a surface shows E/pi"},
+    {Slip::PiTwice, SlipPlace::Light, "pi", "light of candela or lux is divided by pi twice"},
+    {Slip::QuadraticPrecedence, SlipPlace::Light, "attenuation-range", "1/range*range is 1: the quadratic factor is 1/(range * range)"},
+    {Slip::WindowMissing, SlipPlace::Light, "range-window-missing", "the range does not end the light: the window is missing"},
+    {Slip::ClassicWindowMissing, SlipPlace::Light, "range-window-missing",
+     "the range does not end classic lights: saturate(1 - (d/range)^power) is missing"},
+    {Slip::PhysicalWindowMissing, SlipPlace::Light, "range-window-missing",
+     "the range does not end physical lights: saturate(1 - (d/range)^4) is missing"},
+    {Slip::WindowPowerOutside, SlipPlace::Light, "range-power-outside", "the power is taken of the difference, not of d/range"},
+    {Slip::InverseDistance, SlipPlace::Light, "inverse-distance", "light falls with 1/d, not with 1/d^2"},
+    {Slip::ConeMissing, SlipPlace::Light, "cone-missing", "the spot has no cone"},
+    {Slip::ConeNotSquared, SlipPlace::Light, "cone-not-squared", "the fall-off of the cone is not squared"},
+    {Slip::StaticTwice, SlipPlace::Light, "static-light-twice", "lights that are in the light map are drawn again"},
+    {Slip::AoIgnored, SlipPlace::Composite, "ao-ignored", "ambient occlusion has no effect"},
+    {Slip::AoOnDirect, SlipPlace::Composite, "ao-on-direct", "ambient occlusion scales the direct part, not the ambient part alone"},
+    {Slip::AlbedoMissing, SlipPlace::Composite, "albedo-missing", "light is not multiplied by the surface: surface * lightMap"},
+    {Slip::EmissionMissing, SlipPlace::Composite, "emission-missing", "what surfaces emit is left out"},
 }};
 
 }  // namespace lmc::shaders

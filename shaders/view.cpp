@@ -9,10 +9,10 @@ namespace lmc::shaders {
 
 namespace {
 
-constexpr double kDarkerShare = 0.95;    // this share of the pixels is darker than kWhite
-constexpr double kWhite = 0.85;          // of display white
-constexpr double kLeastNear = 1e-3;      // of the level's extent: nearer, 24 bits of depth tell far surfaces no longer apart
-constexpr double kScreenAoRadius = 0.1;  // of the level's extent: the size of a thing in a room
+constexpr double kDarkerShare = 0.95;              // this share of the pixels is darker than kWhite
+constexpr double kWhite = 0.85;                    // of display white
+constexpr double kLeastNear = 1e-3;                // of the level's extent: nearer, 24 bits of depth tell far surfaces no longer apart
+constexpr double kScreenAoRadius = 0.1;            // of the level's extent: the size of a thing in a room
 constexpr glm::dvec3 kFromAside(0.15, 0.12, 0.3);  // an object with as many faces one way as the other is seen from here
 constexpr double kAutomaticFov_rad = 60.0 * kPi / 180.0;
 
@@ -80,7 +80,7 @@ Camera automaticCamera(const Scene& scene) {
     return cameraAt(glm::mix(box.low, box.high, glm::dvec3(0.9, 0.6, 0.9)), glm::mix(box.low, box.high, glm::dvec3(0.2, 0.35, 0.2)),
                     kAutomaticFov_rad);
   const glm::dvec3 way = glm::normalize(facing / std::max(area, 1e-300) + kFromAside);
-  const double radius = 0.5 * glm::length(box.high - box.low), distance = radius / std::sin(0.5 * kAutomaticFov_rad);
+  const double radius = 0.5 * glm::length(box.high - box.low), distance = 0.75 * radius / std::sin(0.5 * kAutomaticFov_rad);
   return cameraAt(centre + distance * way, centre, kAutomaticFov_rad);
 }
 

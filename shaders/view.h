@@ -30,8 +30,10 @@ struct View {
   bool screenAo = false;  ///< screen-space ambient occlusion, too
   bool normalMaps = true;
 
-  /// Passes that are drawn; the G-buffer always is.
+  // What is drawn: for a look at one pass alone.
+  bool plainSurfaces = true, bumpySurfaces = true;  ///< without and with a normal map
   bool ambient = true, lightMapPass = true, directional = true, point = true, spot = true;
+  bool volumes = true;  ///< false: every light over the whole screen, so that nothing hides what its formula does far away
 };
 
 /// What can be looked at.
@@ -79,8 +81,6 @@ Camera cameraAt(const glm::dvec3& eye_m, const glm::dvec3& target_m, double vert
 /// The inverse transpose, up to a positive factor; finite where that is not.
 glm::dmat3 normalMatrix(const glm::dmat4& world);
 
-/// Surfaces that a deferred renderer draws: opaque ones and those with holes.
-inline bool isDrawn(const Scene& scene, const Object& object) { return scene.materials[object.material].opaqueToLight(); }
 /// The object has a place in a map, there is that map, and the view wants it.
 inline bool hasMap(const ShadingLevel& level, const LevelMaps& maps, const View& view, std::size_t object) {
   return view.lightMap && level.marked[object] && level.scene.objects[object].map < maps.illuminance.size();
@@ -93,6 +93,12 @@ inline bool hasNormalMap(const ShadingLevel& level, const View& view, std::size_
   const Object& o = level.scene.objects[object];
   const Look& look = level.looks[o.material];
   return view.normalMaps && look.normalTexture && (look.objectSpaceNormals || level.tangents[o.firstVertex] != glm::vec4(0.0f));
+}
+
+/// Surfaces that a deferred renderer draws: opaque ones and those with holes.
+inline bool isDrawn(const ShadingLevel& level, const View& view, std::size_t object) {
+  const Material& m = level.scene.materials[level.scene.objects[object].material];
+  return m.opaqueToLight() && (hasNormalMap(level, view, object) ? view.bumpySurfaces : view.plainSurfaces);
 }
 
 }  // namespace lmc::shaders

@@ -58,13 +58,13 @@ TEST_P(ReferenceAndOracle, DrawTheSamePicture) {
   expectAgreement(loaded.level, loaded.maps, view, {Target::Diffuse, Target::Normal, Target::Picture});
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Samples, ReferenceAndOracle,
-    testing::Values(NamedView{"cornell", "samples/cornell.glb", ""}, NamedView{"two_rooms", "samples/two_rooms.glb", ""},
-                    NamedView{"court", "samples/court.glb", ""}, NamedView{"court_from_above", "samples/court.glb", "0,14,9,0,0,0,60"},
-                    NamedView{"curved", "samples/curved.glb", ""}, NamedView{"furnace", "samples/furnace.glb", ""},
-                    NamedView{"textured", "samples/textured.gltf", ""}),
-    [](const auto& i) { return std::string(i.param.name); });
+INSTANTIATE_TEST_SUITE_P(Samples, ReferenceAndOracle,
+                         testing::Values(NamedView{"cornell", "samples/cornell.glb", ""},
+                                         NamedView{"two_rooms", "samples/two_rooms.glb", ""}, NamedView{"court", "samples/court.glb", ""},
+                                         NamedView{"court_from_above", "samples/court.glb", "0,14,9,0,0,0,60"},
+                                         NamedView{"curved", "samples/curved.glb", ""}, NamedView{"furnace", "samples/furnace.glb", ""},
+                                         NamedView{"textured", "samples/textured.gltf", ""}),
+                         [](const auto& i) { return std::string(i.param.name); });
 
 INSTANTIATE_TEST_SUITE_P(
     Assets, ReferenceAndOracle,
