@@ -128,6 +128,7 @@ Look readLook(const MaterialPlace& place, const Json& json) {
              *khr = extension(json, "KHR_materials_specular");
   const Json* own = lmc ? member(*lmc, "specularTexture") : nullptr;
   if (lmc) out.objectSpaceNormals = lmc->value("objectSpaceNormals", false);
+  out.dullByRoughness = own == nullptr;
   if (khr) {
     out.specular *= khr->value("specularFactor", 1.0f);
     if (const Json* color = member(*khr, "specularColorFactor"))

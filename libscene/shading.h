@@ -13,10 +13,11 @@ struct Look {
   bool objectSpaceNormals = false;  ///< extras.lmc.objectSpaceNormals
   Texture occlusionTexture;         ///< linear; openness in red
   float occlusionStrength = 1.0f;
-  Texture specularTexture;   ///< sRGB: extras.lmc.specularTexture, else specularColorTexture of KHR_materials_specular
-  Rgb specular{0.04f};       ///< factor of it, where the surface is no metal
-  Texture roughnessTexture;  ///< linear; roughness in green, metallic in blue
-  float roughness = 1.0f;    ///< factor
+  Texture specularTexture;      ///< sRGB: extras.lmc.specularTexture, else specularColorTexture of KHR_materials_specular
+  Rgb specular{0.04f};          ///< factor of it, where the surface is no metal
+  bool dullByRoughness = true;  ///< false: the specular map of extras.lmc says all
+  Texture roughnessTexture;     ///< linear; roughness in green, metallic in blue
+  float roughness = 1.0f;       ///< factor
 };
 
 /// A light as a renderer draws it. `light` holds its diffuse part.

@@ -57,7 +57,9 @@ ShaderCheck checkShaders(std::span<const Stage> stages, const std::filesystem::p
     }
     if (&stage != &stages.front()) continue;
     out.reference = reference.render(stage.view);
-    out.mine = reference.render(stage.view, ShaderChoice::all(folder));
+    View same = stage.view;
+    same.exposure = out.reference.exposure;  // a fault must not hide in an exposure of its own
+    out.mine = reference.render(same, ShaderChoice::all(folder));
     out.picture = differenceOf(out.reference, out.mine, Target::Picture);
   }
   return out;

@@ -210,6 +210,7 @@ void GlLevel::draw(const GlProgram& program, const View& view, std::uint32_t ind
   program.set("metallicFactor", double(m.metallic));
   program.set("roughnessFactor", double(look.roughness));
   program.set("specularFactor", glm::dvec3(look.specular));
+  program.set("dullByRoughness", int(look.dullByRoughness));
   program.set("emissionFactor", glm::dvec3(m.emission));
   program.set("normalScale", double(look.normalScale));
   program.set("occlusionStrength", double(look.occlusionStrength));

@@ -121,7 +121,8 @@ void Oracle::geometry(const Fragment& fragment, int x, int y) {
   const double metallic = double(c.material().metallic) * surface.b, roughness = double(c.look().roughness) * surface.g;
   const glm::dvec3 specular = glm::dvec3(c.look().specular) * glm::dvec3(c.texture(c.look().specularTexture, Encoding::Srgb));
   at(Target::Diffuse, x, y) = glm::vec4((1.0 - metallic) * glm::dvec3(base), opennessOf(c));
-  at(Target::Specular, x, y) = glm::vec4((1.0 - metallic) * specular + metallic * glm::dvec3(base), specularPower(roughness));
+  const double gloss = c.look().dullByRoughness ? 1.0 - roughness : 1.0;
+  at(Target::Specular, x, y) = glm::vec4(gloss * ((1.0 - metallic) * specular + metallic * glm::dvec3(base)), specularPower(roughness));
   const bool turned = !fragment.front && slip_ != Slip::BackNotTurned;
   at(Target::Normal, x, y) = glm::vec4(normalToColour(turned ? -normalOf(c) : normalOf(c)), 1.0);
   at(Target::Depth, x, y) = glm::vec4(fragment.viewDepth_m, 0.0, 0.0, 1.0);

@@ -12,7 +12,7 @@ void writeGBuffer(vec3 normalWorld) {
   if (base.a < alphaCutoff) discard;
   vec2 surface = metallicRoughness();
   diffuseTarget = vec4(base.rgb * (1.0 - surface.x), openness());
-  specularTarget = vec4(specularColor(base.rgb, surface.x), specularPower(surface.y));
+  specularTarget = vec4(specularColor(base.rgb, surface), specularPower(surface.y));
   // The back of a double-sided surface has its normal the other way.
   normalTarget = vec4(normalToColour(gl_FrontFacing ? normalWorld : -normalWorld), 1.0);
   depthTarget = vec4(viewDepth, 0.0, 0.0, 1.0);

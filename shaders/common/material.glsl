@@ -22,6 +22,7 @@ uniform vec4 baseColorFactor;
 uniform float metallicFactor;
 uniform float roughnessFactor;
 uniform vec3 specularFactor;
+uniform int dullByRoughness;  // 0: the specular map says all, 1: times 1 - roughness
 uniform vec3 emissionFactor;
 uniform float normalScale;
 uniform float occlusionStrength;
@@ -39,8 +40,11 @@ vec4 baseColor() { return baseColorFactor * vertexColor * texture(baseColorTextu
 // x: metallic, y: roughness
 vec2 metallicRoughness() { return vec2(metallicFactor, roughnessFactor) * texture(roughnessTexture, uvOf(1)).bg; }
 
-// A metal shines in its base colour.
-vec3 specularColor(vec3 base, float metallic) { return mix(specularFactor * texture(specularTexture, uvOf(2)).rgb, base, metallic); }
+// A metal shines in its base colour. The peak of a Phong lobe is as high however wide it is; a rough surface would shine all over.
+vec3 specularColor(vec3 base, vec2 surface) {
+  vec3 specular = mix(specularFactor * texture(specularTexture, uvOf(2)).rgb, base, surface.x);
+  return dullByRoughness != 0 ? (1.0 - surface.y) * specular : specular;
+}
 
 // The power of the Phong lobe that is about as wide as that of this roughness: (2/roughness^4 - 2)/4.
 float specularPower(float roughness) {
