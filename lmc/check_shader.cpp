@@ -3,14 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "libscene/files.h"
-#include "libscene/image_file.h"
 #include "libscene/parallel.h"
 #include "lmc/bake.h"
 #include "lmc/shade_level.h"
+#include "lmc/shade_picture.h"
 #include "shaders/check.h"
 
 namespace lmc {
@@ -24,51 +22,50 @@ using shaders::Target;
 std::string_view nameOf(Target t) { return shaders::kTargetNames[std::size_t(t)]; }
 std::string_view nameOf(shaders::Pass p) { return shaders::kPasses[std::size_t(p)].name; }
 
+constexpr const char* kStages[] = {"level", "check scene"};  // on which passes are tried, in this order
+
 /// Reference, own, and their difference (grey where there is none, brighter or darker where own is), one below the other.
 void writeDifference(const std::filesystem::path& file, const ShaderCheck& check) {
   const Image<glm::vec4>&a = check.reference[Target::Picture], &b = check.mine[Target::Picture];
-  Image<glm::u8vec4> out(a.width, 3 * a.height);
-  const auto put = [&](int x, int y, const glm::vec4& colour) {
-    for (int k = 0; k < 3; ++k)
-      out.at(x, y)[k] =
-          std::isfinite(colour[k]) ? std::uint8_t(std::lround(255.0f * std::clamp(colour[k], 0.0f, 1.0f))) : std::uint8_t(255);
-  };
-  for (int y = 0; y < a.height; ++y)
-    for (int x = 0; x < a.width; ++x) {
-      put(x, y, a.at(x, y));
-      put(x, y + a.height, b.at(x, y));
-      put(x, y + 2 * a.height, 0.5f + 0.5f * (b.at(x, y) - a.at(x, y)));
-    }
-  const std::vector<std::uint8_t> png = encodePng(out, false);
-  writeFileWhole(file, {reinterpret_cast<const char*>(png.data()), png.size()});
+  Image<glm::vec4> all(a.width, 3 * a.height);
+  for (std::size_t i = 0, n = a.pixels.size(); i < n; ++i) {
+    all.pixels[i] = a.pixels[i];
+    all.pixels[n + i] = b.pixels[i];
+    all.pixels[2 * n + i] = 0.5f + 0.5f * (b.pixels[i] - a.pixels[i]);
+  }
+  writePng(file, quantised(all));
 }
 
 Json asJson(const ShaderCheck& check, bool same) {
   Json out{{"same", same}, {"picture", {{"largest", check.picture.largest}, {"mean", check.picture.mean}}}, {"passes", Json::array()}};
   for (const shaders::PassCheck& p : check.passes) {
-    Json pass{{"pass", nameOf(p.pass)}, {"scene", p.scene}, {"targets", Json::array()}};
-    for (const shaders::Difference& d : p.differences)
-      pass["targets"].push_back({{"target", nameOf(d.target)}, {"largest", d.largest}, {"mean", d.mean}, {"x", d.x}, {"y", d.y}});
+    Json pass{{"pass", nameOf(p.pass)}, {"targets", Json::array()}};
+    for (std::size_t s = 0; s < p.differences.size(); ++s)
+      for (const shaders::Difference& d : p.differences[s])
+        pass["targets"].push_back(
+            {{"scene", kStages[s]}, {"target", nameOf(d.target)}, {"largest", d.largest}, {"mean", d.mean}, {"x", d.x}, {"y", d.y}});
     if (p.finding) pass["fault"] = {{"name", p.finding->name}, {"words", p.finding->words}, {"unexplained", p.finding->unexplained}};
     out["passes"].push_back(std::move(pass));
   }
   return out;
 }
 
+void print(std::string_view pass, std::string_view scene, const shaders::Difference& d) {
+  fmt::print("{:<14} {:<12} {:<15} {:>11.6f} {:>11.6f}  {},{}\n", pass, scene, nameOf(d.target), d.largest, d.mean, d.x, d.y);
+}
+
 void print(const ShaderCheck& check, double maxDiff) {
-  fmt::print("{:<14} {:<15} {:>11} {:>11}  at           scene\n", "pass", "target", "largest", "mean");
+  fmt::print("{:<14} {:<12} {:<15} {:>11} {:>11}  at\n", "pass", "scene", "target", "largest", "mean");
   for (const shaders::PassCheck& p : check.passes) {
-    for (const shaders::Difference& d : p.differences)
-      fmt::print("{:<14} {:<15} {:>11.6f} {:>11.6f}  {:<12} {}\n", nameOf(p.pass), nameOf(d.target), d.largest, d.mean,
-                 fmt::format("{},{}", d.x, d.y), p.scene);
+    for (std::size_t s = 0; s < p.differences.size(); ++s)
+      for (const shaders::Difference& d : p.differences[s]) print(nameOf(p.pass), kStages[s], d);
     if (p.finding)
       fmt::print("  fault: {}: {} ({:.1f} % of the difference unexplained)\n", p.finding->name, p.finding->words,
                  100.0 * p.finding->unexplained);
     else if (p.largest() > maxDiff)
-      fmt::print("  fault: no single fault that is known explains the difference\n");
+      fmt::print("  fault: none that is known explains the difference\n");
   }
-  fmt::print("{:<14} {:<15} {:>11.6f} {:>11.6f}  {:<12} level\n", "all", "final", check.picture.largest, check.picture.mean,
-             fmt::format("{},{}", check.picture.x, check.picture.y));
+  print("all", kStages[0], check.picture);
 }
 
 }  // namespace
@@ -82,7 +79,7 @@ Exit checkShader(const CheckShaderOptions& options) {
   view.width = options.width;
   view.height = options.height;
   const shaders::CheckScene small = shaders::checkScene();
-  const shaders::Stage stages[] = {{"level", loaded.level, loaded.maps, view}, {"check scene", small.level, small.maps, small.view}};
+  const shaders::Stage stages[] = {{loaded.level, loaded.maps, view}, {small.level, small.maps, small.view}};
   ShaderCheck check;
   withThreads(run, [&] { check = shaders::checkShaders(stages, options.shaderDir, options.maxDiff, run); });
   if (check.passes.empty())

@@ -30,30 +30,27 @@ bool isReplaced(const PassRow& row, const std::filesystem::path& folder) {
 
 double PassCheck::largest() const {
   double out = 0.0;
-  for (const Difference& d : differences) out = std::max(out, d.largest);
+  for (const std::vector<Difference>& stage : differences)
+    for (const Difference& d : stage) out = std::max(out, d.largest);
   return out;
 }
 
 ShaderCheck checkShaders(std::span<const Stage> stages, const std::filesystem::path& folder, double maxDiff, const Run& run) {
   ShaderCheck out;
-  std::vector<const PassRow*> replaced;
   for (const PassRow& row : kPasses)
-    if (isReplaced(row, folder)) replaced.push_back(&row);
-  for (const PassRow* row : replaced) out.passes.push_back({row->pass, stages.front().name, {}, {}});
+    if (isReplaced(row, folder)) out.passes.push_back({row.pass, {}, {}});
   for (const Stage& stage : stages) {
     Reference reference(stage.level, stage.maps);
-    for (std::size_t p = 0; p < replaced.size(); ++p) {
-      const PassRow& row = *replaced[p];
+    for (PassCheck& check : out.passes) {
+      const PassRow& row = kPasses[std::size_t(check.pass)];
       const View view = viewFor(stage.view, row.pass);
       ShaderChoice choice{folder, {}};
       choice.own[std::size_t(row.pass)] = true;
       const Frame right = reference.render(view), mine = reference.render(view, choice);
-      PassCheck check{row.pass, stage.name, {}, {}};
-      for (const Target t : row.targets) check.differences.push_back(differenceOf(right, mine, t));
-      if (check.largest() > maxDiff) check.finding = diagnose({stage.level, stage.maps, view, right, mine}, row, run);
-      const bool better = out.passes[p].differences.empty() || (check.finding && !out.passes[p].finding) ||
-                          (check.finding.has_value() == out.passes[p].finding.has_value() && check.largest() > out.passes[p].largest());
-      if (better) out.passes[p] = std::move(check);
+      std::vector<Difference>& differences = check.differences.emplace_back();
+      for (const Target t : row.targets) differences.push_back(differenceOf(right, mine, t));
+      if (std::ranges::any_of(differences, [&](const Difference& d) { return d.largest > maxDiff; }))
+        if (auto finding = diagnose({stage.level, stage.maps, view, right, mine}, row, run)) check.finding = std::move(finding);
     }
     if (&stage != &stages.front()) continue;
     out.reference = reference.render(stage.view);

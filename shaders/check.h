@@ -11,15 +11,13 @@ namespace lmc::shaders {
 /// One pass of the user's, drawn in place of lmc's with everything else left alone.
 struct PassCheck {
   Pass pass;
-  std::string_view scene;               ///< which of the scenes shows it best
-  std::vector<Difference> differences;  ///< of the targets that the pass writes
-  std::optional<Finding> finding;
+  std::vector<std::vector<Difference>> differences;  ///< by stage: of the targets that the pass writes
+  std::optional<Finding> finding;                    ///< on the last stage that shows a difference
   double largest() const;
 };
 
 /// A level that passes are tried on.
 struct Stage {
-  std::string_view name;
   const ShadingLevel& level;
   const LevelMaps& maps;
   View view;
@@ -31,7 +29,8 @@ struct ShaderCheck {
   Difference picture;             ///< of these two
 };
 
-/// Tries the folder's passes one by one on each stage, then all together on the first. Throws Error Broken for one that does not compile.
+/// Tries the folder's passes one by one on each stage, then all together on the first. Of several stages the last is to be the one on which
+/// faults are told apart best. Throws Error Broken for one that does not compile.
 ShaderCheck checkShaders(std::span<const Stage>, const std::filesystem::path& folder, double maxDiff, const Run&);
 
 }  // namespace lmc::shaders

@@ -53,9 +53,9 @@ double specularPower(double roughness) {
 glm::dvec3 colourToNormal(const glm::dvec3& colour) { return 2.0 * colour - 1.0; }
 glm::dvec3 normalToColour(const glm::dvec3& normal) { return 0.5 * normal + 0.5; }
 
-Frame3 worldFrame(const glm::dmat4& world, const glm::dvec3& normalMesh, const glm::dvec4& tangentMesh, Slip slip) {
+TangentFrame worldFrame(const glm::dmat4& world, const glm::dvec3& normalMesh, const glm::dvec4& tangentMesh, Slip slip) {
   const glm::dmat3 linear(world);
-  Frame3 out;
+  TangentFrame out;
   out.normal = glm::normalize((slip == Slip::NormalByWorldMatrix ? linear : normalMatrix(world)) * normalMesh);
   const glm::dvec3 tangent = linear * glm::dvec3(tangentMesh);
   out.tangent = glm::normalize(tangent - glm::dot(out.normal, tangent) * out.normal);

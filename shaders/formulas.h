@@ -18,7 +18,7 @@ double inverseSquare(double distance_m, double range_m, Slip = Slip::None);
 /// KHR_lights_punctual.
 double spotCone(double cosine, double cosInner, double cosOuter, Slip = Slip::None);
 
-/// What shines: saturate(r.v)^power where n.l > 0, else nothing. All unit; `toLight` zero at the light itself.
+/// What shines [phong1975]: saturate(r.v)^power where n.l > 0, else nothing. All unit; `toLight` zero at the light itself.
 double specularShare(const glm::dvec3& normal, const glm::dvec3& toLight, const glm::dvec3& toCamera, double power, Slip = Slip::None);
 /// Phong power for a roughness of glTF.
 double specularPower(double roughness);
@@ -27,10 +27,10 @@ glm::dvec3 colourToNormal(const glm::dvec3& colour);
 glm::dvec3 normalToColour(const glm::dvec3& normal);
 
 /// Tangent space in the world at a vertex: bitangent = cross(normal, tangent) * determinant * (sign of the world matrix).
-struct Frame3 {
+struct TangentFrame {
   glm::dvec3 tangent, bitangent, normal;
 };
-Frame3 worldFrame(const glm::dmat4& world, const glm::dvec3& normalMesh, const glm::dvec4& tangentMesh, Slip = Slip::None);
+TangentFrame worldFrame(const glm::dmat4& world, const glm::dvec3& normalMesh, const glm::dvec4& tangentMesh, Slip = Slip::None);
 
 /// Light at a place: what a white surface shows [cd/m^2 or the classic model's unit].
 struct LightParts {

@@ -103,7 +103,7 @@ glm::dvec3 Oracle::normalOf(const Corners& c) const {
     return worldFrame(world, glm::dvec3(level_.normals[v]), glm::dvec4(level_.tangents[v]), slip_);
   };
   return glm::normalize(c.mean([&](std::uint32_t v) {
-    const Frame3 f = frame(v);
+    const TangentFrame f = frame(v);
     return n.x * f.tangent + n.y * f.bitangent + n.z * f.normal;
   }));
 }
@@ -122,7 +122,7 @@ void Oracle::geometry(const Fragment& fragment, int x, int y) {
   const glm::dvec3 specular = glm::dvec3(c.look().specular) * glm::dvec3(c.texture(c.look().specularTexture, Encoding::Srgb));
   at(Target::Diffuse, x, y) = glm::vec4((1.0 - metallic) * glm::dvec3(base), opennessOf(c));
   const double gloss = c.look().dullByRoughness ? 1.0 - roughness : 1.0;
-  at(Target::Specular, x, y) = glm::vec4(gloss * ((1.0 - metallic) * specular + metallic * glm::dvec3(base)), specularPower(roughness));
+  at(Target::Specular, x, y) = glm::vec4((1.0 - metallic) * gloss * specular + metallic * glm::dvec3(base), specularPower(roughness));
   const bool turned = !fragment.front && slip_ != Slip::BackNotTurned;
   at(Target::Normal, x, y) = glm::vec4(normalToColour(turned ? -normalOf(c) : normalOf(c)), 1.0);
   at(Target::Depth, x, y) = glm::vec4(fragment.viewDepth_m, 0.0, 0.0, 1.0);

@@ -40,10 +40,11 @@ vec4 baseColor() { return baseColorFactor * vertexColor * texture(baseColorTextu
 // x: metallic, y: roughness
 vec2 metallicRoughness() { return vec2(metallicFactor, roughnessFactor) * texture(roughnessTexture, uvOf(1)).bg; }
 
-// A metal shines in its base colour. The peak of a Phong lobe is as high however wide it is; a rough surface would shine all over.
+// A metal shines in its base colour. The peak of a Phong lobe is as high however wide it is: all of a rough wall would shine.
 vec3 specularColor(vec3 base, vec2 surface) {
-  vec3 specular = mix(specularFactor * texture(specularTexture, uvOf(2)).rgb, base, surface.x);
-  return dullByRoughness != 0 ? (1.0 - surface.y) * specular : specular;
+  vec3 specular = specularFactor * texture(specularTexture, uvOf(2)).rgb;
+  if (dullByRoughness != 0) specular *= 1.0 - surface.y;
+  return mix(specular, base, surface.x);
 }
 
 // The power of the Phong lobe that is about as wide as that of this roughness: (2/roughness^4 - 2)/4.

@@ -39,7 +39,7 @@ struct Folder {
 
 ShaderCheck checkOnScene(const fs::path& folder) {
   const CheckScene scene = checkScene();
-  const Stage stages[] = {{"check scene", scene.level, scene.maps, scene.view}};
+  const Stage stages[] = {{scene.level, scene.maps, scene.view}};
   return checkShaders(stages, folder, 1.0 / 255.0, lmc::Run{});
 }
 

@@ -147,8 +147,8 @@ TEST(NormalMatrix, KeepsNormalsOutsideUnderAMirrorAndIsFiniteForAFlatNode) {
 
 // UVs that run to the left: the tangent points left, and V stays up only with determinant -1.
 TEST(WorldFrame, MirroredUvsKeepTheirBitangentByTheDeterminant) {
-  const Frame3 plain = worldFrame(glm::dmat4(1.0), {0, 0, 1}, {1, 0, 0, 1}),
-               mirrored = worldFrame(glm::dmat4(1.0), {0, 0, 1}, {-1, 0, 0, -1});
+  const TangentFrame plain = worldFrame(glm::dmat4(1.0), {0, 0, 1}, {1, 0, 0, 1}),
+                     mirrored = worldFrame(glm::dmat4(1.0), {0, 0, 1}, {-1, 0, 0, -1});
   expectNear(plain.bitangent, {0, 1, 0});
   expectNear(mirrored.bitangent, {0, 1, 0});
   expectNear(worldFrame(glm::dmat4(1.0), {0, 0, 1}, {-1, 0, 0, -1}, Slip::DeterminantIgnored).bitangent, {0, -1, 0});
@@ -159,7 +159,7 @@ TEST(WorldFrame, TheBitangentIsThatOfTheMeshCarriedIntoTheWorldWhateverTheNodeDo
   for (const double determinant : {1.0, -1.0})
     for (const dvec3& scale : {dvec3(1, 1, 1), dvec3(-1, 1, 1), dvec3(1, -1, 1), dvec3(-1, -1, -1)}) {
       const glm::dmat4 world = glm::scale(glm::rotate(glm::dmat4(1.0), 0.7, dvec3(1, 2, 3)), scale);
-      const Frame3 frame = worldFrame(world, normal, glm::dvec4(tangent, determinant));
+      const TangentFrame frame = worldFrame(world, normal, glm::dvec4(tangent, determinant));
       expectNear(frame.bitangent, glm::dmat3(world) * (determinant * glm::cross(normal, tangent)));
     }
 }
@@ -167,7 +167,7 @@ TEST(WorldFrame, TheBitangentIsThatOfTheMeshCarriedIntoTheWorldWhateverTheNodeDo
 TEST(WorldFrame, StaysAtRightAnglesUnderAScaleThatDiffersByAxis) {
   const glm::dmat4 world = glm::scale(glm::dmat4(1.0), dvec3(3.0, 0.5, 1.0));
   const dvec3 normal = glm::normalize(dvec3(1, 1, 0.5)), tangent = glm::normalize(glm::cross(dvec3(0, 1, 0), normal));
-  const Frame3 f = worldFrame(world, normal, glm::dvec4(tangent, 1.0));
+  const TangentFrame f = worldFrame(world, normal, glm::dvec4(tangent, 1.0));
   EXPECT_NEAR(glm::dot(f.normal, f.tangent), 0.0, kRounding);
   EXPECT_NEAR(glm::length(f.tangent), 1.0, kRounding);
   EXPECT_NEAR(glm::length(f.bitangent), 1.0, kRounding);
