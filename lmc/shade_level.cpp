@@ -23,14 +23,15 @@ const std::vector<float>& channelOf(const ExrImage& image, const std::string& na
   return channel->second;
 }
 
-Image<Rgb> readLightMap(const fs::path& file) {
+void readLightMap(const fs::path& file, shaders::LevelMaps& maps) {
   const ExrImage exr = readExr(file);
   const auto scale = exr.attributes.find("lmcScale");
   const float factor = scale == exr.attributes.end() ? 1.0f : scale->second;
   const auto &r = channelOf(exr, "R", file), &g = channelOf(exr, "G", file), &b = channelOf(exr, "B", file);
   Image<Rgb> out(exr.width, exr.height);
   for (std::size_t i = 0; i < out.pixels.size(); ++i) out.pixels[i] = factor * Rgb(r[i], g[i], b[i]);
-  return out;
+  maps.illuminance.push_back(std::move(out));
+  maps.scales.push_back(factor);
 }
 
 Image<float> readOpenness(const fs::path& file) {
@@ -45,7 +46,7 @@ shaders::LevelMaps readMaps(const fs::path& folder) {
   const nlohmann::json sidecar = readSidecar(folder);
   const nlohmann::json maps = sidecar.value("maps", nlohmann::json::array());
   for (std::size_t k = 0; k < maps.size(); ++k) {
-    out.illuminance.push_back(readLightMap(folder / maps[k].value("file", std::string())));
+    readLightMap(folder / maps[k].value("file", std::string()), out);
     const fs::path openness = folder / (maps.size() == 1 ? std::string("ao.exr") : fmt::format("ao.{:03}.exr", k));
     if (fs::exists(openness)) out.openness.push_back(readOpenness(openness));
   }

@@ -179,6 +179,7 @@ void Builder::maps() {
       openness.at(x, y) = float(0.35 + 0.6 * wave(u) * wave(v));
     }
   out_.maps.illuminance.push_back(light);
+  out_.maps.scales.push_back(4.0f);
   out_.maps.openness.push_back(openness);
 }
 

@@ -149,6 +149,9 @@ const Curve kCurves[] = {
     {"gamma", "lacks the gamma encoding (power 2.2)", [](double v) { return std::pow(std::max(v, 0.0), 2.2); }},
     {"gamma", "is sRGB-encoded once too often", [](double v) { return v <= 0.0 ? v : encodedSrgb(v); }},
     {"gamma", "lacks the sRGB encoding", [](double v) { return decodedSrgb(v); }},
+    {"gamma", "is decoded (power 2.2) where it should be encoded", [](double v) { return std::pow(decodedSrgb(std::max(v, 0.0)), 2.2); }},
+    {"gamma-curve", "is encoded by power 1/2.2 in place of the sRGB curve",
+     [](double v) { return std::pow(decodedSrgb(std::max(v, 0.0)), 1.0 / 2.2); }},
 };
 
 struct Swap {
@@ -175,6 +178,8 @@ std::optional<SlipPlace> placeOf(Pass pass) {
       return SlipPlace::Light;
     case Pass::Composite:
       return SlipPlace::Composite;
+    case Pass::ToneMap:
+      return SlipPlace::ToneMap;
     default:
       return std::nullopt;
   }
@@ -186,13 +191,15 @@ class Best {
   explicit Best(double difference) : difference_(difference) {}
   void offer(double error, const std::function<Finding(double)>& finding) {
     const double unexplained = error / difference_;
-    if (!(unexplained < kMostUnexplained) || (found_ && !(unexplained < kClearlyLess * found_->unexplained))) return;
+    const bool better = !found_ || std::max(unexplained, kRounding) < kClearlyLess * std::max(found_->unexplained, kRounding);
+    if (!(unexplained < kMostUnexplained) || !better) return;
     found_ = finding(unexplained);
   }
   const std::optional<Finding>& found() const { return found_; }
 
  private:
   static constexpr double kClearlyLess = 0.7;
+  static constexpr double kRounding = 1e-3;  // float against double, with some room: what is below is explained
   double difference_;
   std::optional<Finding> found_;
 };

@@ -37,6 +37,7 @@ double spotCone(double cosine, double cosInner, double cosOuter, Slip slip) {
 
 double specularShare(const glm::dvec3& normal, const glm::dvec3& toLight, const glm::dvec3& toCamera, double power, Slip slip) {
   if (!(glm::dot(normal, toLight) > 0.0) && slip != Slip::SpecularUngated) return 0.0;
+  if (slip == Slip::HalfVector) return std::pow(saturate(glm::dot(normal, glm::normalize(toLight + toCamera))), power);
   glm::dvec3 r = reflection(-toLight, normal);
   if (slip == Slip::ReflectionSign) r = -r;
   if (slip == Slip::ReflectArgumentsSwapped) r = reflection(normal, -toLight);
@@ -67,10 +68,28 @@ TangentFrame worldFrame(const glm::dmat4& world, const glm::dvec3& normalMesh, c
   return out;
 }
 
+namespace {
+
+/// From candela or lux to what a white surface shows.
+double physicalUnit(Slip slip) {
+  switch (slip) {
+    case Slip::PiMissing:
+      return 1.0;
+    case Slip::PiTwice:
+      return 1.0 / (kPi * kPi);
+    case Slip::PiInverted:
+      return kPi;
+    default:
+      return 1.0 / kPi;
+  }
+}
+
+}  // namespace
+
 LightParts lightAt(const Place& place, const ShadedLight& shaded, Slip slip) {
   const Light& light = shaded.light;
   glm::dvec3 toLight = -light.direction;
-  double attenuation = light.classic || slip == Slip::PiMissing ? 1.0 : slip == Slip::PiTwice ? 1.0 / (kPi * kPi) : 1.0 / kPi;
+  double attenuation = light.classic ? 1.0 : physicalUnit(slip);
   if (light.kind != Light::Kind::Directional) {
     const glm::dvec3 way = light.position_m - place.position_m;
     const double d = glm::length(way);
@@ -87,7 +106,8 @@ LightParts lightAt(const Place& place, const ShadedLight& shaded, Slip slip) {
   if (shaded.baked && place.hasMap && slip != Slip::StaticTwice) return out;
   const double cosine = glm::dot(place.normal, toLight);
   out.ambient = glm::dvec3(shaded.ambient);
-  out.diffuse = (slip == Slip::DiffuseUnclamped ? cosine : saturate(cosine)) * attenuation * glm::dvec3(light.intensity);
+  const double lit = slip == Slip::DiffuseUnclamped ? cosine : slip == Slip::DiffuseAbsolute ? std::abs(cosine) : saturate(cosine);
+  out.diffuse = lit * attenuation * glm::dvec3(light.intensity);
   return out;
 }
 

@@ -113,7 +113,11 @@ GlLevel::GlLevel(const GlContext& gl, const ShadingLevel& level, const LevelMaps
   const float white[4] = {1, 1, 1, 1}, flat[4] = {0.5f, 0.5f, 1, 1};
   white_ = floatTexture(1, 1, GL_RGBA, white, true);
   flat_ = floatTexture(1, 1, GL_RGBA, flat, true);
-  for (const Image<Rgb>& map : maps.illuminance) lightMaps_.push_back(floatTexture(map.width, map.height, GL_RGB, &map.pixels[0].x, true));
+  for (std::size_t k = 0; k < maps.illuminance.size(); ++k) {
+    Image<Rgb> stored = maps.illuminance[k];
+    for (Rgb& texel : stored.pixels) texel /= float(maps.scale(k));
+    lightMaps_.push_back(floatTexture(stored.width, stored.height, GL_RGB, &stored.pixels[0].x, true));
+  }
   for (const Image<float>& map : maps.openness) aoMaps_.push_back(floatTexture(map.width, map.height, GL_RED, map.pixels.data(), true));
   gl.check("loading the level");
 }
@@ -215,7 +219,7 @@ void GlLevel::draw(const GlProgram& program, const View& view, std::uint32_t ind
   program.set("normalScale", double(look.normalScale));
   program.set("occlusionStrength", double(look.occlusionStrength));
   program.set("alphaCutoff", m.alpha == Material::Alpha::Mask ? double(m.alphaCutoff) : -1.0);
-  program.set("lightMapScale", mapped ? 1.0 : 0.0);
+  program.set("lightMapScale", mapped ? maps_.scale(o.map) : 0.0);
   program.set("useAoMap", int(opened));
 
   if (m.doubleSided)

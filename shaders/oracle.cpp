@@ -67,6 +67,7 @@ class Oracle {
  private:
   glm::dvec3 normalOf(const Corners&) const;
   double opennessOf(const Corners&) const;
+  glm::dvec3 illuminanceOf(const Corners&) const;
   void geometry(const Fragment&, int x, int y);
   void lights(int x, int y);
   double screenOpenness(int x, int y) const;
@@ -97,8 +98,10 @@ glm::dvec3 Oracle::normalOf(const Corners& c) const {
   const glm::dvec3 colour(c.texture(look.normalTexture, Encoding::Linear));
   glm::dvec3 n = slip_ == Slip::ColourNotDecoded ? colour : colourToNormal(colour);
   if (slip_ == Slip::GreenFlipped) n.y = -n.y;
+  if (slip_ == Slip::RedFlipped) n.x = -n.x;
   if (look.objectSpaceNormals) return glm::normalize(toWorld * n);
-  n *= glm::dvec3(look.normalScale, look.normalScale, 1.0);
+  if (slip_ != Slip::NormalScaleIgnored) n *= glm::dvec3(look.normalScale, look.normalScale, 1.0);
+  if (slip_ == Slip::TangentFlipped) n.x = -n.x;
   const auto frame = [&](std::uint32_t v) {
     return worldFrame(world, glm::dvec3(level_.normals[v]), glm::dvec4(level_.tangents[v]), slip_);
   };
@@ -114,10 +117,20 @@ double Oracle::opennessOf(const Corners& c) const {
   return 1.0 + double(look.occlusionStrength) * (c.texture(look.occlusionTexture, Encoding::Linear).r - 1.0);
 }
 
+glm::dvec3 Oracle::illuminanceOf(const Corners& c) const {
+  const std::uint32_t map = level_.scene.objects[c.object].map;
+  glm::dvec2 uv = c.mapUv();
+  if (slip_ == Slip::MapFlipped) uv.y = 1.0 - uv.y;
+  return sample(maps_.illuminance[map], uv) / (slip_ == Slip::MapScaleMissing ? maps_.scale(map) : 1.0);
+}
+
 void Oracle::geometry(const Fragment& fragment, int x, int y) {
   if (fragment.triangle == kNone) return;
   const Corners c(level_, fragment);
-  const glm::dvec4 base = c.baseColor(), surface = c.texture(c.look().roughnessTexture, Encoding::Linear);
+  const glm::dvec4 surface = c.texture(c.look().roughnessTexture, Encoding::Linear);
+  glm::dvec4 base = c.baseColor();
+  if (slip_ == Slip::BaseDecodedTwice || slip_ == Slip::BaseNotDecoded)
+    base = glm::dvec4(glm::pow(glm::dvec3(base), glm::dvec3(slip_ == Slip::BaseDecodedTwice ? 2.2 : 1.0 / 2.2)), base.a);
   const double metallic = double(c.material().metallic) * surface.b, roughness = double(c.look().roughness) * surface.g;
   const glm::dvec3 specular = glm::dvec3(c.look().specular) * glm::dvec3(c.texture(c.look().specularTexture, Encoding::Srgb));
   at(Target::Diffuse, x, y) = glm::vec4((1.0 - metallic) * glm::dvec3(base), opennessOf(c));
@@ -126,8 +139,7 @@ void Oracle::geometry(const Fragment& fragment, int x, int y) {
   const bool turned = !fragment.front && slip_ != Slip::BackNotTurned;
   at(Target::Normal, x, y) = glm::vec4(normalToColour(turned ? -normalOf(c) : normalOf(c)), 1.0);
   at(Target::Depth, x, y) = glm::vec4(fragment.viewDepth_m, 0.0, 0.0, 1.0);
-  if (hasMap(level_, maps_, view_, c.object))
-    at(Target::Baked, x, y) = glm::vec4(sample(maps_.illuminance[level_.scene.objects[c.object].map], c.mapUv()), 1.0);
+  if (hasMap(level_, maps_, view_, c.object)) at(Target::Baked, x, y) = glm::vec4(illuminanceOf(c), 1.0);
   if (fragment.front)
     at(Target::Emission, x, y) =
         glm::vec4(glm::dvec3(c.material().emission) * glm::dvec3(c.texture(c.material().emissionTexture, Encoding::Srgb)), 1.0);
@@ -210,16 +222,19 @@ void Oracle::composite(int x, int y) {
   double ao = view_.bakedAo ? surface.a : 1.0;
   if (view_.screenAo) ao *= smoothedOpenness(x, y);
   if (slip_ == Slip::AoIgnored) ao = 1.0;
-  const glm::dvec3 albedo = slip_ == Slip::AlbedoMissing ? glm::dvec3(1.0) : glm::dvec3(surface);
-  const glm::dvec3 ambient(value(Target::AmbientLight, x, y)), diffuse(value(Target::DiffuseLight, x, y)),
-      specular(value(Target::SpecularLight, x, y));
-  glm::dvec3 out = albedo * (ambient * ao + diffuse * (slip_ == Slip::AoOnDirect ? ao : 1.0)) + specular;
+  glm::dvec3 albedo = slip_ == Slip::AlbedoMissing ? glm::dvec3(1.0) : glm::dvec3(surface);
+  if (slip_ == Slip::AlbedoTimesPi) albedo *= kPi;
+  if (slip_ == Slip::AlbedoOverPi) albedo /= kPi;
+  const double aoOfDirect = slip_ == Slip::AoOnDirect || slip_ == Slip::AoOnDirectAlone ? ao : 1.0;
+  if (slip_ == Slip::AoOnDirectAlone) ao = 1.0;
+  const glm::dvec3 ambient(value(Target::AmbientLight, x, y)), diffuse(value(Target::DiffuseLight, x, y));
+  glm::dvec3 out = albedo * (ambient * ao + diffuse * aoOfDirect) + glm::dvec3(value(Target::SpecularLight, x, y));
   if (slip_ != Slip::EmissionMissing) out += glm::dvec3(value(Target::Emission, x, y));
   at(Target::Radiance, x, y) = glm::vec4(out, 1.0);
 }
 
 void Oracle::toneMap(int x, int y) {
-  glm::dvec3 c = frame_.exposure * glm::dvec3(value(Target::Radiance, x, y));
+  glm::dvec3 c = (slip_ == Slip::ExposureMissing ? 1.0 : frame_.exposure) * glm::dvec3(value(Target::Radiance, x, y));
   if (view_.toneCurve == ToneCurve::Reinhard) c /= 1.0 + c;
   if (view_.encode)
     for (int k = 0; k < 3; ++k) c[k] = encodedSrgb(saturate(c[k]));

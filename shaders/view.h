@@ -12,7 +12,9 @@ namespace lmc::shaders {
 /// What a bake left: a picture for each map of the level; both empty for a level that was not baked.
 struct LevelMaps {
   std::vector<Image<Rgb>> illuminance;  ///< E [lx]
+  std::vector<float> scales;            ///< that the files have: E = texel * scale; empty = 1
   std::vector<Image<float>> openness;   ///< cosine-weighted; empty = that of the materials' occlusionTexture
+  double scale(std::size_t map) const { return scales.empty() ? 1.0 : double(scales[map]); }
 };
 
 enum class ToneCurve { None, Reinhard };
