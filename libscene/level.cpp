@@ -247,9 +247,7 @@ void Loader::chooseMeshNodes() {
     const tinygltf::Node& node = model_.nodes[visits_[v].node];
     const Inherited& state = visits_[v].state;
     if (node.mesh < 0 || !state.visible) continue;
-    if (shading_) {
-      meshNodes_.push_back(v);
-    } else if (!state.isStatic) {
+    if (!state.isStatic) {
       ++scene_.dynamicMeshNodes;
     } else if (state.moving || deforms(node)) {
       atRest.push_back(v);
@@ -264,9 +262,15 @@ void Loader::chooseMeshNodes() {
   } else {
     scene_.dynamicMeshNodes += std::uint32_t(atRest.size());
   }
-  if (scene_.dynamicMeshNodes > 0)
+  if (shading_) {
+    // All that is to be seen, in the order of the file; which light counts as dynamic still hangs on the choice above.
+    meshNodes_.clear();
+    for (std::uint32_t v = 0; v < visits_.size(); ++v)
+      if (model_.nodes[visits_[v].node].mesh >= 0 && visits_[v].state.visible) meshNodes_.push_back(v);
+  } else if (scene_.dynamicMeshNodes > 0) {
     note("", fmt::format("{} mesh nodes are dynamic (skinned, morphed, animated or static: false) and left out", scene_.dynamicMeshNodes),
          "LMC_DYNAMIC");
+  }
 }
 
 const Part& Loader::part(std::uint32_t mesh, std::uint32_t primitive, std::uint32_t mapSet) {

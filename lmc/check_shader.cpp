@@ -68,10 +68,28 @@ void print(const ShaderCheck& check, double maxDiff) {
   print("all", kStages[0], check.picture);
 }
 
+/// Shaders of the folder that take no shader's place: a slip of the pen, most likely.
+void warnOfStrangers(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> strangers;
+  const std::vector<std::string_view> names = shaders::shaderNames();
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    const std::filesystem::path& file = entry.path();
+    if (file.extension() != ".vert" && file.extension() != ".frag") continue;
+    const bool known = std::ranges::any_of(
+        names, [&](std::string_view n) { return file == folder / n || file == folder / std::filesystem::path(n).filename(); });
+    if (!known) strangers.push_back(file);
+  }
+  std::ranges::sort(strangers);
+  for (const auto& file : strangers)
+    fmt::print(stderr, "{}\n",
+               line("warning", file.string(), "", "has the name of none of lmc's shaders; it is not looked at", "LMC_SHADER"));
+}
+
 }  // namespace
 
 Exit checkShader(const CheckShaderOptions& options) {
   if (!std::filesystem::is_directory(options.shaderDir)) throw Error(Exit::Io, options.shaderDir, "", "is no folder");
+  warnOfStrangers(options.shaderDir);
   const Run run = stoppableRun(options.threads);
   const LoadedLevel loaded = loadForShader(options.level, options.camera, run);
   shaders::View view;

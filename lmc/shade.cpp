@@ -42,6 +42,8 @@ Exit shade(const ShadeOptions& options) {
   view.bakedAo = options.bakedAo;
   view.screenAo = options.screenAo || options.view == "screen-ao";
   view.normalMaps = options.normalMaps;
+  const Looked looked = lookedAt(options.view);
+  view.only = looked.target;
 
   Frame frame;
   if (options.oracle)
@@ -49,7 +51,6 @@ Exit shade(const ShadeOptions& options) {
   else
     frame = shaders::Reference(loaded.level, loaded.maps).render(view, shaders::ShaderChoice::all(options.shaderDir));
 
-  const Looked looked = lookedAt(options.view);
   const bool finished = looked.target == Target::Picture;
   if (linear)
     writeLinear(options.picture, finished ? frame[Target::Picture] : rawPicture(frame, looked, view.exposure));

@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <numeric>
 
 #include "libscene/constants.h"
@@ -111,8 +113,9 @@ void addMissingTangents(ShadingLevel& level, const Run& run) {
   for (std::uint32_t o = 0; o < level.scene.objects.size(); ++o) {
     const Object& object = level.scene.objects[o];
     const Look& look = level.looks[object.material];
-    if (look.normalTexture && !look.objectSpaceNormals && level.tangents[object.firstVertex] == glm::vec4(0.0f))
-      makeTangents(level, o, run);
+    const auto first = level.tangents.begin() + object.firstVertex;
+    const bool missing = std::find(first, first + object.vertexCount, glm::vec4(0.0f)) != first + object.vertexCount;
+    if (look.normalTexture && !look.objectSpaceNormals && missing) makeTangents(level, o, run);
   }
 }
 

@@ -10,6 +10,11 @@
 
 #include "libscene/error.h"
 
+#ifdef __SANITIZE_ADDRESS__
+/// Mesa keeps some hundred bytes a context.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libOSMesa"; }
+#endif
+
 namespace lmc::shaders {
 
 namespace {

@@ -12,17 +12,17 @@ namespace lmc::shaders {
   X(BindBuffer, BINDBUFFER)                                                                                                               \
   X(BindFramebuffer, BINDFRAMEBUFFER)                                                                                                     \
   X(BindSampler, BINDSAMPLER)                                                                                                             \
-  X(BindTexture, BINDTEXTURE) X(BindVertexArray, BINDVERTEXARRAY) X(BlendFunc, BLENDFUNC) X(BufferData, BUFFERDATA)                       \
-      X(CheckFramebufferStatus, CHECKFRAMEBUFFERSTATUS) X(ClearBufferfv, CLEARBUFFERFV) X(CompileShader, COMPILESHADER)                   \
-          X(CreateProgram, CREATEPROGRAM) X(CreateShader, CREATESHADER) X(CullFace, CULLFACE) X(DeleteFramebuffers, DELETEFRAMEBUFFERS)   \
-              X(DeleteShader, DELETESHADER) X(DeleteTextures, DELETETEXTURES) X(DepthFunc, DEPTHFUNC) X(DepthMask, DEPTHMASK)             \
-                  X(Disable, DISABLE) X(DrawArrays, DRAWARRAYS) X(DrawBuffers, DRAWBUFFERS) X(DrawElements, DRAWELEMENTS)                 \
-                      X(Enable, ENABLE) X(EnableVertexAttribArray, ENABLEVERTEXATTRIBARRAY) X(FramebufferTexture2D, FRAMEBUFFERTEXTURE2D) \
-                          X(GenBuffers, GENBUFFERS) X(GenFramebuffers, GENFRAMEBUFFERS) X(GenSamplers, GENSAMPLERS)                       \
-                              X(GenTextures, GENTEXTURES) X(GenVertexArrays, GENVERTEXARRAYS) X(GetError, GETERROR)                       \
-                                  X(GetIntegerv, GETINTEGERV) X(GetProgramInfoLog, GETPROGRAMINFOLOG) X(GetProgramiv, GETPROGRAMIV)       \
-                                      X(GetShaderInfoLog, GETSHADERINFOLOG) X(GetShaderiv, GETSHADERIV) X(                                \
-                                          GetUniformLocation, GETUNIFORMLOCATION) X(LinkProgram, LINKPROGRAM) X(PixelStorei, PIXELSTOREI) \
+  X(BindTexture, BINDTEXTURE)                                                                                                             \
+  X(BindVertexArray, BINDVERTEXARRAY) X(BlendFunc, BLENDFUNC) X(BufferData, BUFFERDATA) X(CheckFramebufferStatus, CHECKFRAMEBUFFERSTATUS) \
+      X(ClearBufferfv, CLEARBUFFERFV) X(CompileShader, COMPILESHADER) X(CreateProgram, CREATEPROGRAM) X(CreateShader, CREATESHADER)       \
+          X(CullFace, CULLFACE) X(DeleteFramebuffers, DELETEFRAMEBUFFERS) X(DeleteShader, DELETESHADER) X(DeleteTextures, DELETETEXTURES) \
+              X(DepthFunc, DEPTHFUNC) X(DepthMask, DEPTHMASK) X(Disable, DISABLE) X(DrawArrays, DRAWARRAYS) X(DrawBuffers, DRAWBUFFERS)   \
+                  X(DrawElements, DRAWELEMENTS) X(Enable, ENABLE) X(EnableVertexAttribArray, ENABLEVERTEXATTRIBARRAY)                     \
+                      X(FramebufferTexture2D, FRAMEBUFFERTEXTURE2D) X(GenBuffers, GENBUFFERS) X(GenFramebuffers, GENFRAMEBUFFERS)         \
+                          X(GenSamplers, GENSAMPLERS) X(GenTextures, GENTEXTURES) X(GenVertexArrays, GENVERTEXARRAYS)                     \
+                              X(GetError, GETERROR) X(GetIntegerv, GETINTEGERV) X(GetProgramInfoLog, GETPROGRAMINFOLOG)                   \
+                                  X(GetProgramiv, GETPROGRAMIV) X(GetShaderInfoLog, GETSHADERINFOLOG) X(GetShaderiv, GETSHADERIV)         \
+                                      X(GetUniformLocation, GETUNIFORMLOCATION) X(LinkProgram, LINKPROGRAM) X(PixelStorei, PIXELSTOREI)   \
                                           X(ReadBuffer, READBUFFER) X(ReadPixels, READPIXELS) X(SamplerParameteri, SAMPLERPARAMETERI)     \
                                               X(ShaderSource, SHADERSOURCE) X(TexImage2D, TEXIMAGE2D) X(TexParameteri, TEXPARAMETERI)     \
                                                   X(Uniform1f, UNIFORM1F) X(Uniform1i, UNIFORM1I) X(Uniform1iv, UNIFORM1IV)               \

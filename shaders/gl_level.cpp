@@ -111,14 +111,14 @@ GlLevel::GlLevel(const GlContext& gl, const ShadingLevel& level, const LevelMaps
   cone_ = upload(cone.positions, cone.triangles);
   screen_ = upload(std::array{glm::vec3(-1, -1, 0), glm::vec3(3, -1, 0), glm::vec3(-1, 3, 0)}, std::array{glm::uvec3(0, 1, 2)});
   const float white[4] = {1, 1, 1, 1}, flat[4] = {0.5f, 0.5f, 1, 1};
-  white_ = floatTexture(1, 1, GL_RGBA, white, true);
-  flat_ = floatTexture(1, 1, GL_RGBA, flat, true);
+  white_ = floatTexture(1, 1, GL_RGBA, white);
+  flat_ = floatTexture(1, 1, GL_RGBA, flat);
   for (std::size_t k = 0; k < maps.illuminance.size(); ++k) {
     Image<Rgb> stored = maps.illuminance[k];
     for (Rgb& texel : stored.pixels) texel /= float(maps.scale(k));
-    lightMaps_.push_back(floatTexture(stored.width, stored.height, GL_RGB, &stored.pixels[0].x, true));
+    lightMaps_.push_back(floatTexture(stored.width, stored.height, GL_RGB, &stored.pixels[0].x));
   }
-  for (const Image<float>& map : maps.openness) aoMaps_.push_back(floatTexture(map.width, map.height, GL_RED, map.pixels.data(), true));
+  for (const Image<float>& map : maps.openness) aoMaps_.push_back(floatTexture(map.width, map.height, GL_RED, map.pixels.data()));
   gl.check("loading the level");
 }
 
@@ -138,18 +138,13 @@ GlMesh GlLevel::upload(std::span<const glm::vec3> positions, std::span<const glm
   return out;
 }
 
-/// Kept as 32-bit floats: the filter of 8-bit pictures has weights of 8 bits in software.
-GLuint GlLevel::floatTexture(int width, int height, GLenum from, const float* data, bool smooth) {
+/// Kept as 32-bit floats: the filter of 8-bit pictures has weights of 8 bits in software. Samplers say how it is read.
+GLuint GlLevel::floatTexture(int width, int height, GLenum from, const float* data) {
   GLuint out = 0;
   gl_.GenTextures(1, &out);
   gl_.BindTexture(GL_TEXTURE_2D, out);
   const GLint inside = from == GL_RED ? GL_R32F : from == GL_RGB ? GL_RGB32F : GL_RGBA32F;
   gl_.TexImage2D(GL_TEXTURE_2D, 0, inside, width, height, 0, from, GL_FLOAT, data);
-  const GLint filter = smooth ? GL_LINEAR : GL_NEAREST;
-  gl_.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, filter);
-  gl_.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, filter);
-  gl_.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
-  gl_.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
   return out;
 }
 
@@ -160,7 +155,7 @@ GLuint GlLevel::texture(std::uint32_t image, Encoding encoding) {
   std::vector<glm::vec4> linear;
   linear.reserve(from.pixels.size());
   for (const glm::u8vec4& p : from.pixels) linear.emplace_back(encoding == Encoding::Srgb ? linearOfSrgb(p) : glm::dvec4(p) / 255.0);
-  it->second = floatTexture(from.width, from.height, GL_RGBA, &linear[0].x, true);
+  it->second = floatTexture(from.width, from.height, GL_RGBA, &linear[0].x);
   gl_.check("loading a texture");
   return it->second;
 }

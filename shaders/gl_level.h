@@ -28,7 +28,7 @@ class GlLevel {
 
  private:
   GLuint texture(std::uint32_t image, Encoding);
-  GLuint floatTexture(int width, int height, GLenum from, const float* data, bool smooth);
+  GLuint floatTexture(int width, int height, GLenum from, const float* data);
   void bind(int unit, const Texture&, Encoding, GLuint otherwise);
   GLuint samplerFor(Wrap u, Wrap v);
   GlMesh upload(std::span<const glm::vec3> positions, std::span<const glm::uvec3> triangles);

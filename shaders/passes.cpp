@@ -67,10 +67,9 @@ void append(ShaderText& out, std::string_view name, const std::filesystem::path&
 
 }  // namespace
 
-ShaderText shaderText(std::string_view name, const std::filesystem::path& folder, Profile profile) {
+ShaderText shaderText(std::string_view name, const std::filesystem::path& folder) {
   ShaderText out;
-  out.text = profile == Profile::Core330 ? "#version 330 core\n"
-                                         : "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n";
+  out.text = "#version 330 core\n";
   out.lines.assign(std::size_t(std::ranges::count(out.text, '\n')), {0, 0});
   append(out, name, folder, name);
   return out;

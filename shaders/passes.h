@@ -58,11 +58,9 @@ struct ShaderText {
   bool replaced = false;                     ///< a file of the user's folder is among them
 };
 
-enum class Profile { Core330, Es300 };
-
-/// The shader `name` (such as deferred/point.frag). Each file is taken from `folder` where that has it, by its whole name or by the
-/// last part of it; else from the program; an empty folder has none. Throws Error for an include that is nowhere.
-ShaderText shaderText(std::string_view name, const std::filesystem::path& folder, Profile profile = Profile::Core330);
+/// The shader `name` (such as deferred/point.frag) for GL 3.3. Each file is taken from `folder` where that has it, by its whole name or by
+/// the last part of it; else from the program; an empty folder has none. Throws Error for an include that is nowhere.
+ShaderText shaderText(std::string_view name, const std::filesystem::path& folder);
 
 /// Names of all files that lmc has, includes among them.
 std::vector<std::string_view> shaderNames();

@@ -338,10 +338,13 @@ Frame Reference::render(const View& view, const ShaderChoice& choice) {
   out[Target::Radiance] = s.read(b.radiance, 0, b);
   out.exposure = view.exposure > 0.0 ? view.exposure : exposureFor(out[Target::Radiance]);
   s.toneMap(view, choice, out.exposure, b);
-  out[Target::Picture] = s.read(b.picture, 0, b);
-  for (int k = 0; k < kGBufferTargets; ++k) out[Target(k)] = s.read(b.geometry, k, b);
-  out[Target::ScreenAo] = s.read(b.screenAo, 0, b);
-  for (int k = 0; k < 3; ++k) out[Target(int(Target::AmbientLight) + k)] = s.read(b.light, k, b);
+  const auto keep = [&](Target t, GLuint framebuffer, int attachment) {
+    if (!view.only || *view.only == t) out[t] = s.read(framebuffer, attachment, b);
+  };
+  keep(Target::Picture, b.picture, 0);
+  for (int k = 0; k < kGBufferTargets; ++k) keep(Target(k), b.geometry, k);
+  keep(Target::ScreenAo, b.screenAo, 0);
+  for (int k = 0; k < 3; ++k) keep(Target(int(Target::AmbientLight) + k), b.light, k);
   s.freeBuffers(b);
   s.gl.check("drawing");
   return out;

@@ -1,6 +1,7 @@
 #pragma once
 /// What both renderers, the GLSL one (reference.h) and the one in C++ (oracle.h), are given and what they give back.
 #include <array>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -15,27 +16,6 @@ struct LevelMaps {
   std::vector<float> scales;            ///< that the files have: E = texel * scale; empty = 1
   std::vector<Image<float>> openness;   ///< cosine-weighted; empty = that of the materials' occlusionTexture
   double scale(std::size_t map) const { return scales.empty() ? 1.0 : double(scales[map]); }
-};
-
-enum class ToneCurve { None, Reinhard };
-
-/// One picture.
-struct View {
-  Camera camera;
-  int width = 640, height = 360;
-  double exposure = 0.0;  ///< factor on radiance; 0 = from the picture
-  ToneCurve toneCurve = ToneCurve::None;
-  bool encode = true;  ///< sRGB in [0, 1]; else linear as it is
-
-  bool lightMap = true;   ///< false: all lights are drawn by the passes, as in a level that was not baked
-  bool bakedAo = true;    ///< of the map, else of the material
-  bool screenAo = false;  ///< screen-space ambient occlusion, too
-  bool normalMaps = true;
-
-  // What is drawn: for a look at one pass alone.
-  bool plainSurfaces = true, bumpySurfaces = true;  ///< without and with a normal map
-  bool ambient = true, lightMapPass = true, directional = true, point = true, spot = true;
-  bool volumes = true;  ///< false: every light over the whole screen, so that nothing hides what its formula does far away
 };
 
 /// What can be looked at.
@@ -56,6 +36,28 @@ enum class Target : std::uint8_t {
 inline constexpr std::array<std::string_view, 12> kTargetNames{"diffuse",       "specular",       "normal",    "depth",
                                                                "lightmap",      "emission",       "screen-ao", "ambient",
                                                                "diffuse-light", "specular-light", "radiance",  "final"};
+
+enum class ToneCurve { None, Reinhard };
+
+/// One picture.
+struct View {
+  Camera camera;
+  int width = 640, height = 360;
+  double exposure = 0.0;  ///< factor on radiance; 0 = from the picture
+  ToneCurve toneCurve = ToneCurve::None;
+  bool encode = true;  ///< sRGB in [0, 1]; else linear as it is
+
+  bool lightMap = true;   ///< false: all lights are drawn by the passes, as in a level that was not baked
+  bool bakedAo = true;    ///< of the map, else of the material
+  bool screenAo = false;  ///< screen-space ambient occlusion, too
+  bool normalMaps = true;
+
+  // What is drawn: for a look at one pass alone.
+  bool plainSurfaces = true, bumpySurfaces = true;  ///< without and with a normal map
+  bool ambient = true, lightMapPass = true, directional = true, point = true, spot = true;
+  std::optional<Target> only;  ///< the reference gives back this target and the radiance alone, which saves memory
+  bool volumes = true;         ///< false: every light over the whole screen, so that nothing hides what its formula does far away
+};
 
 /// Rows from the top.
 struct Frame {

@@ -232,7 +232,9 @@ class CheckShader(Case):
     def test_a_folder_that_replaces_nothing_is_refused(self):
         (self.folder / 'mine').mkdir()
         (self.folder / 'mine' / 'readme.txt').write_text('nothing')
-        lmc('check-shader', '--shader-dir', self.folder / 'mine', self.sample('two_rooms.glb'), code=1)
+        (self.folder / 'mine' / 'pointlight.frag').write_text('void main() {}')
+        done = lmc('check-shader', '--shader-dir', self.folder / 'mine', self.sample('two_rooms.glb'), code=1)
+        self.assertIn('pointlight.frag: warning:', done.stderr)
         lmc('check-shader', '--shader-dir', self.folder / 'nowhere', self.sample('two_rooms.glb'), code=2)
 
 

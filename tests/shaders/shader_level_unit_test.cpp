@@ -144,6 +144,21 @@ TEST(ShaderLevel, DynamicMeshesAreDrawnWithoutALightMap) {
   EXPECT_FALSE(loaded.level.marked[1]);
 }
 
+// A level whose every mesh moves is baked at rest, its moving lights with it: they must not be drawn twice.
+TEST(ShaderLevel, LightsOfALevelBakedAtRestPoseCountAsBaked) {
+  const Folder folder;
+  Builder level = levelWithLights();
+  const int times = level.add<float>({0.0f, 1.0f}, "SCALAR", 1), moves = level.add<float>({0, 0, 0, 1, 0, 0}, "VEC3", 3);
+  level.json["animations"] = {{{"samplers", {{{"input", times}, {"output", moves}}}}, {"channels", Json::array()}}};
+  for (const int node : {0, 2})
+    level.json["animations"][0]["channels"].push_back({{"sampler", 0}, {"target", {{"node", node}, {"path", "translation"}}}});
+  level.json["nodes"][2]["extras"]["lmc"]["baked"] = true;
+  const LoadedLevel loaded = loadForShader(level.save(folder), "", lmc::Run{});
+  ASSERT_EQ(loaded.level.lights.size(), 2u);
+  EXPECT_TRUE(loaded.level.lights[1].baked);
+  EXPECT_EQ(loaded.level.scene.objects.size(), 1u);
+}
+
 /// A normal map of one texel, 4 x 4 pixels of PNG in the buffer.
 Builder bumpyLevel() {
   Builder b = test::squareLevel();
