@@ -129,12 +129,13 @@ Openness castInRounds(const Options& options, std::span<const Sums> sums, std::s
   for (std::size_t i = 0; i < sums.size(); ++i) {
     if (poolOf[i] == kNone) continue;
     ++out.asked;
-    if (sums[i].middle == Sums::Middle::Buried) continue;
-    out.cosine[i] = float(std::clamp(sums[i].cosine(), 0.0, 1.0));
-    out.uniform[i] = float(std::clamp(sums[i].uniform(), 0.0, 1.0));
-    out.error[i] = float(std::sqrt(varianceAt(pools[poolOf[i]], sums[i].rays)));
+    if (sums[i].middle != Sums::Middle::Buried) {
+      out.cosine[i] = float(std::clamp(sums[i].cosine(), 0.0, 1.0));
+      out.uniform[i] = float(std::clamp(sums[i].uniform(), 0.0, 1.0));
+      out.error[i] = float(std::sqrt(varianceAt(pools[poolOf[i]], sums[i].rays)));
+    }
+    dark += out.cosine[i] < float(kDark);
   }
-  for (std::size_t i = 0; i < sums.size(); ++i) dark += poolOf[i] != kNone && out.cosine[i] < float(kDark);
   out.darkShare = out.asked > 0 ? dark / double(out.asked) : 0.0;
   out.rmsError = rmsError(sums, poolOf);
   return out;
