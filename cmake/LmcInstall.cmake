@@ -1,6 +1,6 @@
 # What an installation holds: the program, the libraries with their headers, and a CMake package that knows both.
 #   find_package(lmc)                        lmc::lmc (the program) and the function lmc_bake()
-#   find_package(lmc COMPONENTS libraries)   also lmc::scene and lmc::radiosity; needs the libraries that these were built with
+#   find_package(lmc COMPONENTS libraries)   also lmc::scene, lmc::radiosity, lmc::ao and lmc::tangent; needs the libraries that these were built with
 include(CMakePackageConfigHelpers)
 set(LMC_INSTALL_CMAKEDIR ${CMAKE_INSTALL_LIBDIR}/cmake/lmc)
 set(LMC_INSTALL_DATADIR ${CMAKE_INSTALL_DATADIR}/lmc)

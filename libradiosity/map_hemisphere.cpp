@@ -38,15 +38,6 @@ constexpr int kPilotHalvings = 4, kMaxCorrections = 2, kSpeckleRounds = 3;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
 
-/// x and y of the k-th texel along the Morton curve of a tile: rays of one neighbourhood after each other find its geometry in the cache.
-constexpr int everySecondBit(std::uint32_t k) {
-  k &= 0x55555555u;
-  k = (k | k >> 1) & 0x33333333u;
-  k = (k | k >> 2) & 0x0f0f0f0fu;
-  k = (k | k >> 4) & 0x00ff00ffu;
-  return int((k | k >> 8) & 0xffffu);
-}
-
 /// Gathered texels of a chart that lie near each other and speak for as many others: one estimate of variance, one number of rays.
 struct Pool {
   std::uint32_t object = kNone, chart = kNone;
@@ -147,16 +138,11 @@ class HemisphereBaker {
     bool any = false;
     for (std::size_t i = 0; i < wanted_.size() && !any; ++i) any = wanted_[i] > map_.rays[i];
     if (!any) return false;
-    Run part = run_;
-    part.onProgress = [&](double share) {
-      run_.progress(from + (to - from) * share);
-      return true;
-    };
-    parallelFor(part, texels_.tileCount(), 1, [&](std::size_t t) {
+    parallelFor(run_.part(from, to), texels_.tileCount(), 1, [&](std::size_t t) {
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::unique_ptr<TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
-        const int x = everySecondBit(k), y = everySecondBit(k >> 1);
+        const auto [x, y] = alongMorton(k);
         if (x0 + x >= map_.width || y0 + y >= map_.height) continue;
         const std::size_t i = std::size_t(y0 + y) * std::size_t(map_.width) + std::size_t(x0 + x);
         const std::uint32_t begin = map_.rays[i], end = wanted_[i];

@@ -295,11 +295,16 @@ void GltfEdit::embedImages() {
     } catch (const Error&) {
       continue;  // loadLevel() did not need it: what the level says of it stays as it was
     }
-    const std::size_t view = state_->addView(bytes, 0);
+    const Json inside = imageOf(bytes);
     image.erase("uri");
-    image["bufferView"] = view;
-    if (const std::string type = mimeTypeOf(bytes); !type.empty()) image["mimeType"] = type;
+    image.update(inside);
   }
+}
+
+GltfEdit::Json GltfEdit::imageOf(std::span<const std::uint8_t> bytes) {
+  Json out{{"bufferView", state_->addView(bytes, 0)}};
+  if (const std::string type = mimeTypeOf(bytes); !type.empty()) out["mimeType"] = type;
+  return out;
 }
 
 std::vector<glm::uvec3> GltfEdit::triangles(std::uint32_t mesh, std::uint32_t primitive) const {

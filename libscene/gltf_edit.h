@@ -44,6 +44,8 @@ class GltfEdit {
   /// extension off the node. Empty where it has none.
   std::vector<Json> expandInstances(std::uint32_t node);
 
+  /// A new image object, to be put under "images", whose bytes are in the file.
+  Json imageOf(std::span<const std::uint8_t> bytes);
   /// A new accessor of floats for vertices, `components` 1 to 4 an element; the same floats are written once.
   std::uint32_t addFloats(std::span<const float> values, int components);
   /// A new accessor of triangles, in the smallest type that holds them.

@@ -83,6 +83,13 @@ Rgb readEmission(const MaterialPlace& place, const tinygltf::Material& from, con
   return Rgb(emission);
 }
 
+/// A normal map, a clearcoat's normal map or anisotropy.
+bool wantsTangents(const Json& json) {
+  const Json* clearcoat = extension(json, "KHR_materials_clearcoat");
+  return json.contains("normalTexture") || (clearcoat && clearcoat->contains("clearcoatNormalTexture")) ||
+         extension(json, "KHR_materials_anisotropy");
+}
+
 Material readMaterial(const MaterialPlace& place, const tinygltf::Material& from, const Json& json) {
   Material out;
   const auto& pbr = from.pbrMetallicRoughness;
@@ -97,6 +104,7 @@ Material readMaterial(const MaterialPlace& place, const tinygltf::Material& from
     out.metallicTexture = readTexture(place, pbr.metallicRoughnessTexture.index, pbr.metallicRoughnessTexture.texCoord,
                                       info(pbrJson, "metallicRoughnessTexture"), "/pbrMetallicRoughness/metallicRoughnessTexture");
   out.emission = readEmission(place, from, json);
+  out.wantsTangents = wantsTangents(json);
   if (out.emission != Rgb(0.0f))
     out.emissionTexture =
         readTexture(place, from.emissiveTexture.index, from.emissiveTexture.texCoord, info(&json, "emissiveTexture"), "/emissiveTexture");

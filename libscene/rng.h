@@ -38,7 +38,8 @@ enum class Draw : std::uint64_t {
   Visibility = 6,
   Closure = 7,
   NearHit = 8,
-  Links = 9
+  Links = 9,
+  Openness = 10
 };
 
 namespace sobol {

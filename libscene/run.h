@@ -16,6 +16,15 @@ struct Run {
   void progress(double share) const {
     if (onProgress && !onProgress(share)) throw Cancelled();
   }
+  /// This run for a part of a stage: its progress counts from one share to another.
+  Run part(double from, double to) const {
+    Run out = *this;
+    out.onProgress = [this, from, to](double share) {
+      progress(from + (to - from) * share);
+      return true;
+    };
+    return out;
+  }
   void note(Message m) const {
     m.level = Message::Level::Note;
     if (onMessage) onMessage(m);

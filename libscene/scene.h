@@ -41,6 +41,7 @@ struct Material {
   Alpha alpha = Alpha::Opaque;
   float alphaCutoff = 0.5f;
   bool doubleSided = false;
+  bool wantsTangents = false;  ///< it has a normal map, or something else that lies in tangent space
   bool transmissive = false;  ///< KHR_materials_transmission: as Blend, casts no shadow and reflects nothing
   bool opaqueToLight() const { return alpha != Alpha::Blend && !transmissive; }
 };

@@ -1,6 +1,7 @@
 #pragma once
 /// Texels of a light map, made tile by tile on demand: which part of the texel's square its chart covers, and places to sample in it.
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "libscene/charts.h"
@@ -62,6 +63,18 @@ class Facet {
   glm::dvec3 origin_m_, e1_m_, e2_m_, geometricNormal_;
   glm::dvec3 n0_, n1_, n2_;  // flat: n0 is the unit normal
 };
+
+/// x and y of the k-th texel along the Morton curve of a tile: rays of one neighbourhood after each other find its geometry in the cache.
+constexpr std::pair<int, int> alongMorton(std::uint32_t k) {
+  const auto everySecondBit = [](std::uint32_t b) {
+    b &= 0x55555555u;
+    b = (b | b >> 1) & 0x33333333u;
+    b = (b | b >> 2) & 0x0f0f0f0fu;
+    b = (b | b >> 4) & 0x00ff00ffu;
+    return int((b | b >> 8) & 0xffffu);
+  };
+  return {everySecondBit(k), everySecondBit(k >> 1)};
+}
 
 /// Places in the covered part of a texel, which must be covered.
 class TexelSampler {

@@ -172,6 +172,38 @@ void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked
   counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
 }
 
+void Tracer::occluded(std::span<const RayFan> fans, std::span<std::uint16_t> blocked, Purpose purpose) const {
+  assert(fans.size() == blocked.size());
+  constexpr std::size_t kFans = kBatch / RayFan::kRays;
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+  RTCRay buffer[kBatch + 1];  // the last is never traced
+  std::uint64_t cast = 0;
+  for (std::size_t at = 0; at < fans.size(); at += kFans) {
+    const std::size_t end = std::min(at + kFans, fans.size());
+    unsigned n = 0;
+    for (std::size_t f = at; f < end; ++f)
+      for (unsigned i = 0; i < RayFan::kRays; ++i) {
+        buffer[n] = toEmbree(fans[f].ray(i));
+        n += fans[f].wanted >> i & 1u;  // what is not wanted is written over
+      }
+    rtcOccluded1M(device_->scene, &context, buffer, n, sizeof(RTCRay));
+    cast += n;
+    n = 0;
+    for (std::size_t f = at; f < end; ++f) {
+      unsigned bits = 0;
+      for (unsigned i = 0; i < RayFan::kRays; ++i) {
+        const unsigned wanted = fans[f].wanted >> i & 1u;
+        bits |= (buffer[n].tfar < 0.0f ? wanted : 0u) << i;
+        n += wanted;
+      }
+      blocked[f] = std::uint16_t(bits);
+    }
+  }
+  counts_[std::size_t(purpose)].fetch_add(cast, std::memory_order_relaxed);
+}
+
 Hit Tracer::closest(const Ray& ray, Purpose purpose) const {
   Hit hit;
   closest({&ray, 1}, {&hit, 1}, purpose);

@@ -142,13 +142,17 @@ const char* textOf(Mend why) {
 }
 
 Loop threadedLoop(int threads) {
-  return {threads, [threads](std::size_t n, const std::function<void(std::size_t)>& body) {
+  return {threads, [count = std::size_t(std::max(1, threads))](std::size_t n, const std::function<void(std::size_t)>& body) {
+            // Claims go round as many stretches as there are threads: side by side, two threads would wait for the same large page to be
+            // cleared, each by itself.
+            const std::size_t stretch = (n + count - 1) / count;
             std::atomic<std::size_t> next{0};
             const auto work = [&] {
-              for (std::size_t i; (i = next.fetch_add(1)) < n;) body(i);
+              for (std::size_t claim; (claim = next.fetch_add(1)) < stretch * count;)
+                if (const std::size_t i = claim % count * stretch + claim / count; i < n) body(i);
             };
             std::vector<std::jthread> others;
-            for (int i = 1; i < threads; ++i) others.emplace_back(work);
+            for (std::size_t i = 1; i < count; ++i) others.emplace_back(work);
             work();
           }};
 }

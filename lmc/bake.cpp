@@ -89,6 +89,14 @@ Exit bake(const BakeOptions& options) {
                        b.ledger.worstObjectId == kNone ? "" : b.scene.objects[b.ledger.worstObjectId].path, figure(b.ledger.worstObject)),
            "LMC_GOAL"});
     }
+    if (b.openness.asked > 0 && b.openness.rmsError > options.ao.how.error && options.ao.errorIsExplicit) {
+      result = Exit::GoalMissed;
+      b.run.warn({{},
+                  options.level.string(),
+                  "",
+                  fmt::format("the goal of {} for ambient occlusion was missed: error {:.4f}", options.ao.how.error, b.openness.rmsError),
+                  "LMC_GOAL"});
+    }
     const nlohmann::ordered_json report = reportOf(b, spoken, met);
     writeOutputs(*outputs, b, report);
     if (dependencies) dependencies->open(options.depfile.filename()).write(depfileText(b));

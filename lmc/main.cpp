@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <new>
 
+#include "lmc/ao.h"
 #include "lmc/bake.h"
 #include "lmc/check_shader.h"
 #include "lmc/compare.h"
@@ -42,6 +43,7 @@ struct Perform {
   lmc::Exit operator()(const lmc::VerifyOptions& o) const { return lmc::verify(o); }
   lmc::Exit operator()(const lmc::TangentsOptions& o) const { return lmc::tangents(o); }
   lmc::Exit operator()(const lmc::NormalsOptions& o) const { return lmc::normals(o); }
+  lmc::Exit operator()(const lmc::AoJobOptions& o) const { return lmc::occlusion(o); }
   lmc::Exit operator()(const lmc::UnwrapOptions& o) const { return lmc::unwrap(o); }
   lmc::Exit operator()(const lmc::InfoOptions& o) const { return lmc::showInfo(o); }
   lmc::Exit operator()(const lmc::AttachOptions& o) const { return lmc::attach(o); }

@@ -20,9 +20,9 @@ struct Footprint {
   glm::dvec2 a, b, c;
   double twiceArea;
 
-  Footprint(const Scene& s, const glm::uvec3& t, int width, int height) {
+  Footprint(std::span<const glm::vec2> place, const glm::uvec3& t, int width, int height) {
     const glm::dvec2 size(width, height);
-    a = glm::dvec2(s.uv0[t.x]) * size, b = glm::dvec2(s.uv0[t.y]) * size, c = glm::dvec2(s.uv0[t.z]) * size;
+    a = glm::dvec2(place[t.x]) * size, b = glm::dvec2(place[t.y]) * size, c = glm::dvec2(place[t.z]) * size;
     twiceArea = cross(b - a, c - a);
   }
   static double cross(glm::dvec2 p, glm::dvec2 q) { return p.x * q.y - p.y * q.x; }
@@ -97,20 +97,20 @@ Image<Pixel> pictureOf(const Image<glm::vec3>& normals, bool greenDown) {
 
 }  // namespace
 
-Image<TexelFrame> texelFrames(const Scene& s, int width, int height, int gutter, const Run& run) {
+Image<TexelFrame> texelFrames(const Scene& s, std::span<const glm::vec2> place, int width, int height, int gutter, const Run& run) {
   const tangent::Tangents tangents = tangentsOf(s, run);
   Image<TexelFrame> out(width, height);
   for (std::uint32_t t = 0; t < s.triangles.size(); ++t) {
-    const Footprint f(s, s.triangles[t], width, height);
+    const Footprint f(place, s.triangles[t], width, height);
     if (f.twiceArea == 0.0 || !std::isfinite(f.twiceArea)) continue;
     const glm::dvec2 low = glm::min(glm::min(f.a, f.b), f.c), high = glm::max(glm::max(f.a, f.b), f.c);
     if (high.x - low.x > 64.0 * width || high.y - low.y > 64.0 * height)
       continue;  // repeats so often that the texels of one pass are all taken
     for (int y = int(std::floor(low.y)); y <= int(std::floor(high.y)); ++y)
       for (int x = int(std::floor(low.x)); x <= int(std::floor(high.x)); ++x) {
-        TexelFrame& place = out.at(wrapped(x, width), wrapped(y, height));
+        TexelFrame& texel = out.at(wrapped(x, width), wrapped(y, height));
         glm::dvec2 w;
-        if (!place.covered() && f.weights({x + 0.5, y + 0.5}, w)) place = frameAt(s, tangents, t, w);
+        if (!texel.covered() && f.weights({x + 0.5, y + 0.5}, w)) texel = frameAt(s, tangents, t, w);
       }
   }
   for (int i = 0; i < gutter; ++i) grow(out);

@@ -22,9 +22,9 @@ struct TexelFrame {
   glm::mat3 matrix() const { return {tangent, determinant * glm::cross(normal, tangent), normal}; }
 };
 
-/// By TEXCOORD_0, repeated where it leaves [0, 1]. Where triangles overlap the first has the texel. Texels beside a covered one, up to
-/// `gutter` texels off, take over from it.
-Image<TexelFrame> texelFrames(const Scene&, int width, int height, int gutter, const Run&);
+/// Frames by TEXCOORD_0. `place`: of each vertex in the map, repeated where it leaves [0, 1]. Where triangles overlap the first has the
+/// texel. Texels beside a covered one, up to `gutter` texels off, take over from it.
+Image<TexelFrame> texelFrames(const Scene&, std::span<const glm::vec2> place, int width, int height, int gutter, const Run&);
 
 /// Vector by vector; each keeps its length, so that what was rounded once is not rounded twice. Texels without a frame become +Z.
 Image<glm::vec3> toTangentSpace(const Image<TexelFrame>&, const Image<glm::vec3>& object);

@@ -70,7 +70,7 @@ class Job {
   }
 
   Image<TexelFrame> framesOf(const Scene& scene, int width, int height) {
-    Image<TexelFrame> frames = texelFrames(scene, width, height, kGutter, run_);
+    Image<TexelFrame> frames = texelFrames(scene, scene.uv0, width, height, kGutter, run_);
     report_["texels_without_triangle"] = std::ranges::count_if(frames.pixels, [](const TexelFrame& f) { return !f.covered(); });
     return frames;
   }

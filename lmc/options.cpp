@@ -98,6 +98,39 @@ void addUvOptions(CLI::App* app, UvOptions& o) {
   app->add_option("--max-maps", o.maxMaps, "light maps at most, for new UVs")->capture_default_str()->check(CLI::Range(1, 1024));
 }
 
+const std::map<std::string, ao::FallOff> kFallOffs{
+    {"none", ao::FallOff::None}, {"linear", ao::FallOff::Linear}, {"quadratic", ao::FallOff::Quadratic}};
+
+void addAoOptions(CLI::App* app, AoOptions& o) {
+  app->add_option_function<std::string>(
+         "--ao-error",
+         [&o](const std::string& t) {
+           o.how.error = shareOf(t, "--ao-error");
+           o.errorIsExplicit = true;
+         },
+         "RMS error of ambient occlusion asked for, such as 0.01 (the default) or 1%; exit code 5 when it is missed")
+      ->type_name("ERROR");
+  app->add_option("--ao-distance", o.how.distance_m, "occluders farther than this do not count [m; default: all count]")
+      ->check(CLI::Range(1e-9, 1e9));
+  app->add_option_function<std::string>(
+         "--ao-falloff", [&o](const std::string& t) { o.how.fallOff = kFallOffs.at(t); },
+         "how much nearer ones count at t of the distance: none (1; the default), linear (1 - t) or quadratic ((1 - t)^2)")
+      ->check(CLI::IsMember({"none", "linear", "quadratic"}))
+      ->type_name("KIND");
+}
+
+void checkAo(const AoOptions& o) {
+  if (o.how.fallOff != ao::FallOff::None && !std::isfinite(o.how.distance_m))
+    throw Error(Exit::Usage, "lmc", "", "--ao-falloff needs --ao-distance: nothing falls off over an endless way");
+}
+
+/// --bent asks for the effect, too.
+void askForBent(BakeOptions& o, bool asked) {
+  if (!asked) return;
+  const bool changes = o.effects == "auto" || o.effects.starts_with('+') || o.effects.starts_with('-');
+  o.effects = (o.effects == "auto" ? std::string() : o.effects + ",") + (changes ? "+bent" : "bent");
+}
+
 void addInputLimits(CLI::App* app, LoadLimits& o) {
   app->add_option("--max-texture-pixels", o.maxTexturePixels, "largest picture read")->capture_default_str();
   app->add_option("--max-input-bytes", o.maxInputBytes, "of all files of a level together")->capture_default_str();
@@ -124,7 +157,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "draft (8 %), level (2 %, the default), final (1 %)")
       ->check(CLI::IsMember({"draft", "level", "final"}))
       ->type_name("NAME");
-  app->add_option("--effects", o.effects, "auto, exactly these (direct,shadow,area,sky,bounce,seams), or changes to auto (+sky,-bounce)")
+  app->add_option("--effects", o.effects,
+                  "auto, exactly these (direct,shadow,area,sky,bounce,ao,bent,tangents,seams), or changes to auto (+sky,-bounce)")
       ->type_name("LIST");
   app->add_option_function<std::string>(
          "--passes",
@@ -181,6 +215,12 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "what pairs of clusters are told without a ray, --solver hierarchical: auto, all, none or a list of "
          "facing,cells,empty,blocked")
       ->type_name("LIST");
+  addAoOptions(app, o.ao);
+  app->add_option_function<std::string>(
+         "--bent", [&o](const std::string& t) { o.ao.bentInTangentSpace = t == "tangent"; },
+         "bent normals too, in world space or in the tangent space of TEXCOORD_0")
+      ->check(CLI::IsMember({"world", "tangent"}))
+      ->type_name("SPACE");
   app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
   addInputLimits(app, o.limits);
@@ -304,6 +344,52 @@ void addCheckShader(CLI::App* app, CheckShaderOptions& o) {
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
 }
 
+void addAo(CLI::App* app, AoJobOptions& o) {
+  app->add_option("MODEL", o.model, "file to read, .glb or .gltf")->required();
+  app->add_option(
+         "-o,--out", o.out,
+         "file to write: .png (8 bit, linear) or .exr is the map; .glb or .gltf is the model, with the map as its occlusionTexture, or "
+         "with --per-vertex")
+      ->required();
+  app->add_option("--node", o.node, "name of the node that is the model, with what hangs on it [default: the whole file]");
+  app->add_flag("--with-level", o.withLevel, "what else is in the file blocks, too; else only the model does");
+  addAoOptions(app, o.ao);
+  app->add_option("--weighting", "of pictures and vertices: cosine (default) or uniform (share of rays); an .exr has both")
+      ->each([&o](const std::string& t) { o.uniform = t == "uniform"; })
+      ->check(CLI::IsMember({"cosine", "uniform"}))
+      ->type_name("KIND");
+  app->add_option("--bent", "bent normals too (.exr only), in world or tangent space")
+      ->each([&o](const std::string& t) {
+        o.ao.how.bent = true;
+        o.ao.bentInTangentSpace = t == "tangent";
+      })
+      ->check(CLI::IsMember({"world", "tangent"}))
+      ->type_name("SPACE");
+  app->add_option("--size", o.size, "side of the map [texels]")->capture_default_str()->check(CLI::Range(4, 16384));
+  app->add_option("--texcoord", o.texCoord, "TEXCOORD_n that the map lies on, 0 or 1")->capture_default_str()->check(CLI::Range(0, 1));
+  app->add_flag("--per-vertex", o.perVertex, "a value a vertex instead of a map");
+  app->add_option("--attribute", o.attribute, "attribute for --per-vertex: COLOR_0 (times what is there), or one of your own such as _AO")
+      ->capture_default_str();
+  app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
+  app->add_flag("--json", o.json, "print the report as JSON");
+  app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+  addInputLimits(app, o.limits);
+}
+
+AoJobOptions settled(AoJobOptions o) {
+  checkAo(o.ao);
+  const std::string kind = o.out.extension().string();
+  const bool picture = kind == ".png" || kind == ".exr", model = kind == ".glb" || kind == ".gltf";
+  const auto refuse = [](std::string_view what) { throw Error(Exit::Usage, "lmc", "", fmt::format("ao: {}", what)); };
+  if (!picture && !model) refuse("-o: the name must end in .png, .exr, .glb or .gltf");
+  if (o.perVertex && picture) refuse("--per-vertex writes a model: -o FILE.glb");
+  if (o.ao.how.bent && kind != ".exr") refuse("--bent writes to an .exr alone");
+  if (o.perVertex && o.attribute != "COLOR_0" && !o.attribute.starts_with('_'))
+    refuse("--attribute is COLOR_0 or a name that begins with _");
+  if (o.withLevel && o.node.empty()) refuse("--with-level needs --node: without it the whole file is the model");
+  return o;
+}
+
 constexpr const char* kExitCodes =
     "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is "
     "not "
@@ -402,6 +488,9 @@ Command parseCommandLine(int argc, const char* const* argv) {
   CLI::App* normalsApp =
       app.add_subcommand("normals", "normal maps: to and from tangent space, from heights, pictures and models of more polygons");
   addNormals(normalsApp, normals, normalsFrom, normalsAs);
+  AoJobOptions occlusion;
+  CLI::App* aoApp = app.add_subcommand("ao", "ambient occlusion of a model: a map over its own UVs, or a value a vertex");
+  addAo(aoApp, occlusion);
   UnwrapOptions unwrap;
   CLI::App* unwrapApp = app.add_subcommand("unwrap", "make, repair or keep light-map UVs, and write the level with them");
   unwrapApp->add_option("LEVEL", unwrap.level, "level to read, .glb or .gltf")->required();
@@ -454,6 +543,11 @@ Command parseCommandLine(int argc, const char* const* argv) {
   for (const BakeOptions* o : {&bake, &plan.bake})
     if (o->solver != Solver::Auto && o->solver != Solver::Shooting && (o->passes > 0 || o->snapshot))
       throw Error(Exit::Usage, "lmc", "", "only --solver shooting has passes: leave out --passes and --snapshot, or take it");
+  checkAo(bake.ao);
+  checkAo(plan.bake.ao);
+  askForBent(bake, bakeApp->count("--bent") > 0);
+  askForBent(plan.bake, planApp->count("--bent") > 0);
+  if (*aoApp) return settled(occlusion);
   if (*bakeApp) return bake;
   if (*planApp) return plan;
   if (*compareApp) return compare;

@@ -6,11 +6,19 @@
 #include <variant>
 #include <vector>
 
+#include "libao/ao.h"
 #include "libradiosity/partition.h"
 #include "libscene/level.h"
 #include "libscene/unwrap.h"
 
 namespace lmc {
+
+/// Ambient occlusion, of a bake and of a model.
+struct AoOptions {
+  ao::Options how;
+  bool errorIsExplicit = false;  ///< then missing it is exit code 5
+  bool bentInTangentSpace = false;
+};
 
 enum class ProgressKind { Auto, Bar, Lines, Json, None };
 enum class Solver { Auto, Stored, Hierarchical, Dense, Shooting };
@@ -32,6 +40,7 @@ struct BakeOptions {
   std::uint64_t maxLinks = 40'000'000;  ///< of the hierarchical solver
   PartitionOptions partition;           ///< of the hierarchical solver
   UvOptions uv;
+  AoOptions ao;
   std::optional<Rgb> sky;  ///< replaces the level's; black = none
   std::uint64_t seed = 1;
   std::uint64_t memory_bytes = 0;  ///< limit; 0 = what the machine has. Never changes a result
@@ -114,6 +123,23 @@ struct NormalsOptions {
   LoadLimits limits;
 };
 
+struct AoJobOptions {
+  std::filesystem::path model;
+  std::filesystem::path out;  ///< .png or .exr: a map; .glb or .gltf: the model with the map, or with its vertices' openness
+  std::string node;           ///< name of the node that is the model; empty = the whole file
+  bool withLevel = false;     ///< the rest of the file blocks too
+  AoOptions ao;
+  bool uniform = false;  ///< in pictures and vertices, instead of the cosine weighting
+  int size = 1024;       ///< side of a map [texels]
+  int texCoord = 0;      ///< TEXCOORD_n of the map, 0 or 1
+  bool perVertex = false;
+  std::string attribute = "COLOR_0";
+  std::uint64_t seed = 1;
+  bool json = false;
+  int threads = 0;
+  LoadLimits limits;
+};
+
 struct UnwrapOptions {
   std::filesystem::path level, out;
   UvOptions uv;
@@ -144,7 +170,7 @@ struct ShowText {
 };
 
 using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, CheckShaderOptions, VerifyOptions, UnwrapOptions,
-                             InfoOptions, AttachOptions, TangentsOptions, NormalsOptions, ShowText>;
+                             InfoOptions, AttachOptions, TangentsOptions, NormalsOptions, AoJobOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc

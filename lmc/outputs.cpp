@@ -5,9 +5,11 @@
 #include <map>
 
 #include "libscene/exr.h"
+#include "libscene/image_file.h"
 #include "libscene/level_out.h"
+#include "lmc/ao.h"
 #include "lmc/dump.h"
-
+#include "lmc/occlusion_texture.h"
 #include "lmc/tangents.h"
 
 namespace lmc {
@@ -66,10 +68,10 @@ std::string escapedForMake(const std::string& path) {
 
 }  // namespace
 
-std::vector<std::string> mapNames(const Bake& b) {
-  if (b.uv.maps == 1) return {"lightmap.exr"};
+std::vector<std::string> mapNames(const Bake& b, const char* stem, const char* ending) {
+  if (b.uv.maps == 1) return {fmt::format("{}.{}", stem, ending)};
   std::vector<std::string> out;
-  for (int k = 0; k < b.uv.maps; ++k) out.push_back(fmt::format("lightmap.{:03}.exr", k));
+  for (int k = 0; k < b.uv.maps; ++k) out.push_back(fmt::format("{}.{:03}.{}", stem, k, ending));
   return out;
 }
 
@@ -81,7 +83,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   };
 
   LevelMarks marks;
-  const std::vector<std::string> names = mapNames(b);
+  const std::vector<std::string> names = mapNames(b, "lightmap", "exr");
   for (int k = 0; k < b.uv.maps; ++k) {
     const std::string& name = names[std::size_t(k)];
     OutputFile& map = set.open(name);
@@ -91,12 +93,38 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
     maps.push_back({{"file", name}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", scale}, {"padding", kPadding}});
     marks.maps.push_back({name, scale});
   }
+  const bool occlusion = b.openness.asked > 0;
+  const std::vector<std::string> openness = mapNames(b, "ao", "exr"), pictures = mapNames(b, "ao", "png");
+  const std::vector<float> shown = occlusion ? ao::withoutRims(b.openness, b.map.chart, b.uv.side) : std::vector<float>();
+  for (int k = 0; occlusion && k < b.uv.maps; ++k) {
+    const std::size_t first = std::size_t(k) * std::size_t(b.uv.side) * std::size_t(b.uv.side);
+    OutputFile& map = set.open(openness[std::size_t(k)]);
+    writeOpenness(map, b.openness, first, b.uv.side);
+    listed(openness[std::size_t(k)], map);
+    OutputFile& picture = set.open(pictures[std::size_t(k)]);
+    const std::vector<std::uint8_t> png = encodePng(pictureOfOpenness(shown, b.padding, first, b.uv.side), false);
+    picture.write(png.data(), png.size());
+    listed(pictures[std::size_t(k)], picture);
+    maps[std::size_t(k)].update({{"ao", openness[std::size_t(k)]}, {"ao_picture", pictures[std::size_t(k)]}});
+  }
 
   for (const Light& l : b.scene.lights) marks.bakedLightNodes.push_back(l.node);
   marks.newUvs = b.uv.changed();
   marks.side = b.uv.side;
   std::vector<PrimitiveTangents> tangents;
-  marks.more = [&](GltfEdit& edit) { tangents = addTangents(edit, {}, Run{b.options.threads, b.options.seed, {}, {}}); };
+  marks.more = [&](GltfEdit& edit) {
+    if (b.plan.runs(Effect::Tangents)) tangents = addTangents(edit, {}, Run{b.options.threads, b.options.seed, {}, {}});
+    if (!occlusion) return;
+    std::vector<GltfEdit::Json> images;
+    for (const std::string& name : pictures) images.push_back(GltfEdit::Json::object({{"uri", name}}));
+    const std::size_t kept = addOcclusionTextures(edit, images, usesOfLightmaps(edit.json()));
+    if (kept > 0)
+      b.run.note({{},
+                  b.scene.file.string(),
+                  "/materials",
+                  fmt::format("{} materials keep the occlusionTexture that they have; ao.png is beside", kept),
+                  "LMC_AO_KEPT"});
+  };
   const std::vector<std::uint8_t> level = levelWithMaps(b.options.level, b.options.limits, b.scene, marks);
   OutputFile& glb = set.open("level.glb");
   glb.write(level.data(), level.size());
@@ -112,6 +140,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   sidecar["space"] = "linear Rec. 709";
   sidecar["maps"] = maps;
   sidecar["tangents"] = summaryOf(tangents);
+  if (!b.openness.bent.empty()) sidecar["bent_normals"] = b.options.ao.bentInTangentSpace ? "tangent" : "world";
   sidecar["nodes"] = nodesOf(b);
   sidecar["files"] = files;
   set.open("level.lmc.json").write(sidecar.dump(2) + "\n");
@@ -125,9 +154,12 @@ std::string depfileText(const Bake& b) {
 
 void refuseToOverwriteInputs(const Bake& b) {
   std::vector<std::filesystem::path> outputs;
-  for (const char* name : {"lightmap.exr", "level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png", "seams.png"})
+  for (const char* name :
+       {"lightmap.exr", "ao.exr", "ao.png", "level.glb", "report.json", "level.lmc.json", "patches.obj", "patches.png", "seams.png"})
     outputs.push_back(b.options.out / name);
-  for (int k = 0; k < b.options.uv.maxMaps; ++k) outputs.push_back(b.options.out / fmt::format("lightmap.{:03}.exr", k));
+  for (int k = 0; k < b.options.uv.maxMaps; ++k)
+    for (const char* name : {"lightmap.{:03}.exr", "ao.{:03}.exr", "ao.{:03}.png"})
+      outputs.push_back(b.options.out / fmt::format(fmt::runtime(name), k));
   if (!b.options.depfile.empty()) outputs.push_back(b.options.depfile);
   std::error_code missing;
   for (const auto& input : b.scene.inputs)

@@ -7,11 +7,11 @@
 
 namespace lmc {
 
-/// File names of the light maps, in order.
-std::vector<std::string> mapNames(const Bake&);
+/// File names of the maps of a kind, in order: "STEM.ENDING", or "STEM.000.ENDING" where there are several.
+std::vector<std::string> mapNames(const Bake&, const char* stem, const char* ending);
 
-/// Opens and fills the light maps, level.glb, what --dump asks for, report.json and level.lmc.json in this order (the sidecar vouches for
-/// the rest by size and hash, and is renamed last). commit() is left to the caller.
+/// Opens and fills the light maps, maps of openness, level.glb, what --dump asks for, report.json and level.lmc.json in this order (the
+/// sidecar vouches for the rest by size and hash, and is renamed last). commit() is left to the caller.
 void writeOutputs(OutputSet&, const Bake&, const nlohmann::ordered_json& report);
 
 /// A Make rule: the sidecar depends on every input.

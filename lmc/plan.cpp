@@ -14,7 +14,11 @@ namespace {
 
 Step automatic(Effect effect, const Facts& f) {
   const std::uint32_t punctual = f.pointLights + f.spotLights + f.directionalLights;
-  const auto step = [&](bool run, std::string because) { return Step{effect, run, std::move(because)}; };
+  const auto step = [&](bool run, std::string because) { return Step{effect, run, std::move(because), run}; };
+  const auto onlyIfAsked = [&](std::string because) { return Step{effect, false, std::move(because), true}; };
+  if (effect == Effect::Tangents)
+    return f.tangentMaterials > 0 ? step(true, fmt::format("{} materials have normal maps or the like", f.tangentMaterials))
+                                  : step(false, "no material has a normal map");
   if (f.receivers == 0) return step(false, "no object has a place in the light map");
   switch (effect) {
     case Effect::Direct:
@@ -34,6 +38,13 @@ Step automatic(Effect effect, const Facts& f) {
       if (f.largestReflectance <= 0.0f) return step(false, "every surface has albedo 0");
       if (f.blockers == 0) return step(false, "no surface that light could come back from");
       return step(true, fmt::format("surfaces reflect up to {:.3g}", f.largestReflectance));
+    case Effect::Ao:
+      if (f.blockers == 0) return step(false, "nothing casts a shadow: all is open");
+      return f.lit() ? step(true, "the level has light") : onlyIfAsked("no light");
+    case Effect::Bent:
+      return f.blockers == 0 ? step(false, "nothing casts a shadow: they are the normals") : onlyIfAsked("not asked for (--bent)");
+    case Effect::Tangents:
+      break;
     case Effect::Seams:
       if (!f.lit()) return step(false, "no light that could show a seam");
       if (!f.smoothSeams) return step(true, "where edges of charts meet on smooth surfaces");
@@ -64,6 +75,7 @@ Facts factsOf(const Scene& scene) {
       ++f.directionalLights;
   }
   f.sky = strength(scene.sky) > 0.0f;
+  for (const Material& m : scene.materials) f.tangentMaterials += m.wantsTangents;
   for (const Object& o : scene.objects) {
     const Material& m = scene.materials[o.material];
     if (o.triangleCount == 0) continue;
@@ -95,17 +107,16 @@ Plan makePlan(const std::string& effects, const Facts& facts) {
     const bool signedWord = !word.empty() && (word[0] == '+' || word[0] == '-');
     const auto effect = effectNamed(std::string_view(word).substr(signedWord ? 1 : 0));
     if (!effect || signedWord != changes)
-      throw Error(
-          Exit::Usage, "lmc", "",
-          fmt::format("--effects: '{}' is not an effect (direct, shadow, area, sky, bounce, seams), or mixes a list with changes", word));
+      throw Error(Exit::Usage, "lmc", "",
+                  fmt::format("--effects: '{}' is not an effect ({}), or mixes a list with changes", word, fmt::join(kEffectNames, ", ")));
     wish[std::size_t(*effect)] = !signedWord || word[0] == '+';
   }
   for (Step& step : plan.steps) {
     const std::optional<bool> w = wish[std::size_t(step.effect)];
     if (!w || *w == step.run) continue;
     // Asked for what the level has not: it would be simulated and give nothing, so the reason stays and the work is not done.
-    if (*w) continue;
-    step.run = false;
+    if (*w && !step.possible) continue;
+    step.run = *w;
     step.because = "--effects " + effects;
   }
   return plan;

@@ -14,22 +14,24 @@ struct Facts {
   std::uint32_t darkLights = 0;                                          ///< of intensity 0
   std::uint32_t emissiveTriangles = 0;
   bool sky = false;
-  std::uint32_t receivers = 0;      ///< objects with a place in the light map
-  std::uint32_t blockers = 0;       ///< triangles that cast shadows
-  float largestReflectance = 0.0f;  ///< over materials, all channels
+  std::uint32_t receivers = 0;         ///< objects with a place in the light map
+  std::uint32_t blockers = 0;          ///< triangles that cast shadows
+  float largestReflectance = 0.0f;     ///< over materials, all channels
+  std::uint32_t tangentMaterials = 0;  ///< that call for tangents
   /// Edges of charts that meet on smooth surfaces; not known before all light-map UVs are there.
   std::optional<std::uint64_t> smoothSeams{};
   bool lit() const { return pointLights + spotLights + directionalLights + emissiveTriangles > 0 || sky; }
 };
 Facts factsOf(const Scene&);
 
-enum class Effect { Direct, Shadow, Area, Sky, Bounce, Seams };
-inline constexpr const char* kEffectNames[] = {"direct", "shadow", "area", "sky", "bounce", "seams"};
+enum class Effect { Direct, Shadow, Area, Sky, Bounce, Ao, Bent, Tangents, Seams };
+inline constexpr const char* kEffectNames[] = {"direct", "shadow", "area", "sky", "bounce", "ao", "bent", "tangents", "seams"};
 
 struct Step {
   Effect effect;
   bool run;
   std::string because;
+  bool possible = true;  ///< it would do something if it were asked for
 };
 struct Plan {
   std::vector<Step> steps;
@@ -38,9 +40,10 @@ struct Plan {
       if (s.effect == e) return s.run;
     return false;
   }
+  /// Whether anything is simulated: tangents need neither ray nor map.
   bool anything() const {
     for (const Step& s : steps)
-      if (s.run) return true;
+      if (s.run && s.effect != Effect::Tangents) return true;
     return false;
   }
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "libscene/tracer.h"
+#include "lmc/ao.h"
 #include "lmc/outputs.h"
 
 namespace lmc {
@@ -97,10 +98,11 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     lo = std::min(lo, double(std::min({v.r, v.g, v.b})));
     hi = std::max(hi, double(strength(v)));
   }
+  if (b.openness.asked > 0) r["ao"] = aoOf(b.openness, b.options.ao.how);
   r["illuminance"] = {{"unit", "lx"}, {"mean", rgb(mean)}, {"min", e.texels > 0 ? lo : 0.0}, {"max", hi}};
   r["maps"] = Json::array();
   for (std::size_t k = 0; k < b.scales.size(); ++k)
-    r["maps"].push_back({{"file", mapNames(b)[k]}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", b.scales[k]}});
+    r["maps"].push_back({{"file", mapNames(b, "lightmap", "exr")[k]}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", b.scales[k]}});
   r["uv"] = uvOf(b.uv, b.scene);
   r["seams"] = seamsOf(b);
   r["padding"] = {{"texels", kPadding}, {"contested", b.padding.contested.size()}};

@@ -11,6 +11,7 @@
 #include "libscene/exr.h"
 #include "libscene/files.h"
 #include "libscene/parallel.h"
+#include "lmc/ao.h"
 
 namespace lmc {
 
@@ -232,11 +233,7 @@ void solveByStoredRays(Bake& b) {
   options.maxTail = maxTailOf(b.options);
   options.maxBytes = b.memory.rays_bytes;
   for (std::uint32_t half = 0; half < 2; ++half) {
-    Run part = b.run;
-    part.onProgress = [&](double share) {
-      b.run.progress(0.5 * (half + share));
-      return true;
-    };
+    const Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
     options.stream = half;
     StoredSolution s = solveStored(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
     b.closureError = s.closureError;
@@ -292,11 +289,7 @@ void solveByShooting(Bake& b) {
                  {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale}});
         set.commit();
       };
-    Run part = b.run;
-    part.onProgress = [&](double share) {
-      b.run.progress(0.5 * (half + share));
-      return true;
-    };
+    const Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
     b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
   }
   b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
@@ -385,6 +378,34 @@ void finish(Bake& b) {
                           100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
 }
 
+namespace {
+
+/// Of each vertex in the stack of maps, [0, 1].
+std::vector<glm::vec2> placesInStack(const Bake& b) {
+  std::vector<glm::vec2> out(b.scene.mapUv.size());
+  for (const Object& o : b.scene.objects)
+    for (std::uint32_t v = o.firstVertex; v < o.firstVertex + o.vertexCount; ++v)
+      out[v] = glm::vec2(b.scene.mapPlace(o, v, b.uv.side) / glm::dvec2(b.map.width, b.map.height));
+  return out;
+}
+
+}  // namespace
+
+void occlude(Bake& b) {
+  if (!b.plan.runs(Effect::Ao) && !b.plan.runs(Effect::Bent)) {
+    b.summary = "left out";
+    return;
+  }
+  ao::Options options = b.options.ao.how;
+  options.bent = b.plan.runs(Effect::Bent);
+  b.openness = ao::bakeMap(b.scene, *b.texels, b.map.chart, *b.tracer, options, b.run);
+  noteDarkness(b.openness, options, b.scene.file, b.run);
+  if (options.bent && b.options.ao.bentInTangentSpace)
+    bentToTangentSpace(b.openness, b.scene, placesInStack(b), b.map.width, b.map.height, b.run);
+  b.summary = fmt::format("{:.0f} rays a texel, error {:.4f}", double(b.openness.rays) / std::max(1.0, double(b.openness.asked)),
+                          b.openness.rmsError);
+}
+
 void seams(Bake& b) {
   b.padding = makePadding(b.scene, b.charts, b.map.chart, b.uv.side, b.run);
   if (const auto& tight = b.padding.contested; !tight.empty())
@@ -395,6 +416,7 @@ void seams(Bake& b) {
          fmt::format("{} texels are read from two light-map charts at once, the first at ({}, {}): charts lie too near for maps of {} x {}",
                      tight.size(), tight[0] % std::uint32_t(b.uv.side), tight[0] / std::uint32_t(b.uv.side), b.uv.side, b.uv.side),
          "LMC_UV_TIGHT"});
+  if (b.openness.asked > 0) padOpenness(b.openness, b.padding);
   if (!b.plan.runs(Effect::Seams)) {
     fillPadding(b.values, b.padding);
     b.summary = "seams left as they are";

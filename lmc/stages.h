@@ -3,6 +3,7 @@
 #include <array>
 #include <memory>
 
+#include "libao/ao.h"
 #include "libradiosity/light_map.h"
 #include "libradiosity/seams.h"
 #include "libradiosity/solve.h"
@@ -48,6 +49,7 @@ struct Bake {
   LightMapValues values;  // finish
   ErrorLedger ledger;
   std::vector<float> scales;  ///< one a map: E = stored value * scale
+  ao::Openness openness;      ///< empty when the plan leaves it out
   Padding padding;            // seams
   SeamResult closed;          ///< empty when the plan leaves seams as they are
 
@@ -72,6 +74,7 @@ void patches(Bake&);
 void solve(Bake&);
 void hemisphere(Bake&);
 void finish(Bake&);
+void occlude(Bake&);
 void seams(Bake&);
 
 inline constexpr std::array kStages{
@@ -82,8 +85,9 @@ inline constexpr std::array kStages{
     StageRow{"direct", "direct light", 0.15, directLight},
     StageRow{"patches", "patches", 0.02, patches},
     StageRow{"solve", "bounced light on patches", 0.12, solve},
-    StageRow{"gather", "sky and bounced light", 0.6, hemisphere},
+    StageRow{"gather", "sky and bounced light", 0.55, hemisphere},
     StageRow{"finish", "values, error", 0.03, finish},
+    StageRow{"occlude", "ambient occlusion", 0.05, occlude},
     StageRow{"seams", "padding, seams closed", 0.02, seams},
 };
 

@@ -17,6 +17,7 @@
 #include "libscene/tracer.h"
 #include "libscene/transfer_uvs.h"
 #include "lmc/bake.h"
+#include "lmc/jobs.h"
 #include "lmc/memory.h"
 #include "lmc/report.h"
 #include "lmc/sidecar.h"
@@ -26,26 +27,6 @@ namespace lmc {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-/// Progress is not shown; messages go to stderr.
-Run talkingRun(int threads) {
-  Run run = stoppableRun(threads);
-  run.onMessage = [](const Message& m) {
-    fmt::print(stderr, "{}\n", line(m.level == Message::Level::Warning ? "warning" : "note", m.file, m.where, m.text, m.code));
-  };
-  return run;
-}
-
-void refuseSameFile(const std::filesystem::path& in, const Scene& scene, const std::filesystem::path& out) {
-  std::error_code missing;
-  for (const auto& input : scene.inputs)
-    if (std::filesystem::equivalent(input, out, missing))
-      throw Error(Exit::Usage, out, "", fmt::format("would be overwritten, and {} reads it: choose another file with -o", in.string()));
-}
-
-void writeBytes(const std::filesystem::path& file, const std::vector<std::uint8_t>& bytes) {
-  writeFileWhole(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-}
 
 /// Texels a metre that an object asks for, or that the level has in the mean.
 double wantedDensity(const Object& o, const UvLayout& layout) {

@@ -83,6 +83,7 @@ std::vector<CaseKind> formFactorKinds();
 std::vector<CaseKind> lightKinds();
 std::vector<CaseKind> skyKinds();
 std::vector<CaseKind> enclosureKinds();
+std::vector<CaseKind> aoKinds();
 
 /// Cosine and sine of degrees, exact at whole quarter turns and good to the last digit near them.
 double cosDegrees(double degrees);

@@ -110,7 +110,7 @@ TEST(Model, AHemisphereBakedOntoAPlaneHasItsNormals) {
   constexpr int kSide = 200;
   for (const bool mirrored : {false, true}) {
     const Scene low = SceneOf::grid(4, flat, up, mirrored);
-    const Image<TexelFrame> frames = texelFrames(low, kSide, kSide, 0, {});
+    const Image<TexelFrame> frames = texelFrames(low, low.uv0, kSide, kSide, 0, {});
     const ModelNormals got = normalsOfModel(frames, low.centre_m, dome.scene, tracer, 1.0, {});
     const Image<glm::vec3> tangent = toTangentSpace(frames, got.normals);
     EXPECT_EQ(got.rays, std::size_t(kSide * kSide));
@@ -144,7 +144,7 @@ TEST(Spaces, ThereAndBackIsWithinOneStepOfEightBits) {
   constexpr int kSide = 128;
   for (const bool mirrored : {false, true}) {
     const Scene scene = SceneOf::grid(24, h, n, mirrored);
-    const Image<TexelFrame> frames = texelFrames(scene, kSide, kSide, 0, {});
+    const Image<TexelFrame> frames = texelFrames(scene, scene.uv0, kSide, kSide, 0, {});
     for (const TexelFrame& f : frames.pixels) ASSERT_EQ(f.determinant, mirrored ? -1.0f : 1.0f);
     Image<glm::vec3> object(kSide, kSide);
     for (int y = 0; y < kSide; ++y)

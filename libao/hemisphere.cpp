@@ -1,0 +1,235 @@
+#include "libao/hemisphere.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "libscene/rng.h"
+#include "libscene/sampling.h"
+
+namespace lmc::ao {
+
+namespace {
+
+constexpr std::size_t kBlocks = 16;       // of a batch: 256 rays, as many as a stream takes well
+constexpr double kOpenBeside = 0.25;      // (1 - 0.25)^16 = 1 %
+constexpr std::ptrdiff_t kBackFaces = 8;  // of the sixteen rays of a place: it lies inside a solid, which others may pierce
+constexpr std::uint16_t kAll = 0xffff;
+static_assert(kBlock == RayFan::kRays);
+
+}  // namespace
+
+/// Rays of some blocks of one texel.
+struct Hemisphere::Batch {
+  struct Block {
+    const Directions* directions;
+    std::uint32_t half;
+    glm::mat3 frame;
+    std::array<float, kBlock> blocked;  ///< how much of each ray is, [0, 1]; 1 below the face
+    bool dark;                          ///< all of each is
+  };
+  std::array<Block, kBlocks> blocks;
+  std::array<RayFan, kBlocks> fans;
+  std::size_t count = 0;
+};
+
+/// What a half of a texel does to the directions: which set, and how far about the normal.
+struct Hemisphere::Turn {
+  std::uint32_t half, set;
+  double cosine, sine;
+  Turn(std::uint64_t address, std::uint32_t h) : half(h) {
+    const std::uint64_t choice = combine(address, h);
+    const double angle = 2.0 * kPi * double(choice >> 32) * 0x1p-32;
+    set = std::uint32_t(choice) % kSets;
+    cosine = std::cos(angle);
+    sine = std::sin(angle);
+  }
+};
+
+namespace {
+
+/// Points of the unit square that a half's places lie at.
+Sobol4 placesOf(std::uint64_t address, std::uint32_t half) { return Sobol4(combine(combine(address, half), 0x91ace)); }
+
+}  // namespace
+
+std::uint64_t addressOf(std::uint64_t seed, std::uint32_t x, std::uint32_t y) {
+  return combine(combine(seed, std::uint64_t(Draw::Openness)), (std::uint64_t(x) << 32) | y);
+}
+
+void unitAll(std::vector<glm::vec3>& directions) {
+  for (glm::vec3& d : directions)
+    if (d != glm::vec3(0.0f)) d = glm::normalize(d);
+}
+
+Hemisphere::Hemisphere(const Tracer& tracer, const Options& options) : tracer_(tracer), options_(options) {}
+
+void Hemisphere::start(Batch& batch, const SurfacePoint& place, const Turn& turn, std::uint32_t block) const {
+  Batch::Block& b = batch.blocks[batch.count];
+  RayFan& fan = batch.fans[batch.count++];
+  // Past the end of a set the next one goes on.
+  constexpr std::uint32_t kBlocksOfSet = kRaysOfSet / kBlock;
+  const Directions& d = directions((turn.set + block / kBlocksOfSet) % kSets, block % kBlocksOfSet);
+  const glm::dmat3 about = frameAbout(place.normal);
+  const glm::mat3 frame(glm::dmat3(turn.cosine * about[0] + turn.sine * about[1], turn.cosine * about[1] - turn.sine * about[0], about[2]));
+  b.directions = &d;
+  b.half = turn.half;
+  b.frame = frame;
+  fan.origin_m = tracer_.lifted(place.position_m, place.geometricNormal);
+  fan.tFar = float(options_.distance_m);
+  fan.wanted = kAll;
+  for (std::size_t i = 0; i < kBlock; ++i) fan.x[i] = frame[0].x * d.x[i] + frame[1].x * d.y[i] + frame[2].x * d.z[i];
+  for (std::size_t i = 0; i < kBlock; ++i) fan.y[i] = frame[0].y * d.x[i] + frame[1].y * d.y[i] + frame[2].y * d.z[i];
+  for (std::size_t i = 0; i < kBlock; ++i) fan.z[i] = frame[0].z * d.x[i] + frame[1].z * d.y[i] + frame[2].z * d.z[i];
+  if (place.normal == place.geometricNormal) return;
+  const glm::vec3 face(place.geometricNormal);
+  unsigned below = 0;
+  for (std::size_t i = 0; i < kBlock; ++i)
+    if (fan.x[i] * face.x + fan.y[i] * face.y + fan.z[i] * face.z <= 0.0f) below |= 1u << i;
+  fan.wanted = std::uint16_t(~below);
+}
+
+void Hemisphere::trace(Batch& batch) const {
+  const std::span<const RayFan> fans(batch.fans.data(), batch.count);
+  if (options_.fallOff == FallOff::None) {
+    std::array<std::uint16_t, kBlocks> blocked;
+    tracer_.occluded(fans, {blocked.data(), batch.count}, Purpose::Occlusion);
+    for (std::size_t k = 0; k < batch.count; ++k) {
+      const unsigned bits = blocked[k] | std::uint16_t(~fans[k].wanted);
+      batch.blocks[k].dark = bits == kAll;
+      for (unsigned i = 0; i < kBlock; ++i) batch.blocks[k].blocked[i] = (bits & 1u << i) != 0 ? 1.0f : 0.0f;
+    }
+    return;
+  }
+  for (std::size_t k = 0; k < batch.count; ++k) {
+    std::array<Ray, kBlock> rays;
+    std::array<Hit, kBlock> hits;
+    for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fans[k].ray(i);
+    tracer_.closest(rays, hits, Purpose::Occlusion);
+    Batch::Block& b = batch.blocks[k];
+    for (std::size_t i = 0; i < kBlock; ++i) {
+      const float near = hits[i] ? std::max(0.0f, 1.0f - hits[i].t / fans[k].tFar) : 0.0f;
+      b.blocked[i] = options_.fallOff == FallOff::Linear ? near : near * near;
+      if (!(fans[k].wanted & 1u << i)) b.blocked[i] = 1.0f;
+    }
+    b.dark = std::ranges::all_of(b.blocked, [](float v) { return v == 1.0f; });
+  }
+}
+
+/// Whether some places see nothing, while from others so much is open that this is hardly chance.
+bool Hemisphere::mayBePartlyBuried(const Batch& batch) {
+  double open = 0.0, seeing = 0.0;
+  for (std::size_t k = 0; k < batch.count; ++k) {
+    if (batch.blocks[k].dark) continue;
+    for (const float b : batch.blocks[k].blocked) open += 1.0 - double(b);
+    seeing += 1.0;
+  }
+  return seeing > 0.0 && seeing < double(batch.count) && open > kOpenBeside * kBlock * seeing;
+}
+
+bool Hemisphere::buried(const RayFan& fan, std::uint32_t& cast) const {
+  std::array<Ray, kBlock> rays;
+  std::array<Hit, kBlock> hits;
+  for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fan.ray(i);
+  tracer_.closest(rays, hits, Purpose::Occlusion);
+  cast += kBlock;
+  return std::ranges::count_if(hits, [](const Hit& h) { return h && !h.front; }) >= kBackFaces;
+}
+
+bool Hemisphere::buried(const SurfacePoint& place, std::uint64_t address, std::uint32_t& cast) const {
+  Batch batch;
+  start(batch, place, Turn(address, 0), 0);
+  return buried(batch.fans[0], cast);
+}
+
+/// Traces a batch and adds it up; returns the rays cast.
+std::uint32_t Hemisphere::finish(Batch& batch, const Places& places, std::uint64_t address, Sums& sums, glm::vec3* bent) const {
+  trace(batch);
+  std::uint32_t cast = 0;
+  const bool partly = places.middle && mayBePartlyBuried(batch);
+  if (partly && sums.middle == Sums::Middle::Unknown)
+    sums.middle = buried(*places.middle, address, cast) ? Sums::Middle::Buried : Sums::Middle::Free;
+  for (std::size_t k = 0; k < batch.count; ++k) {
+    const Batch::Block& b = batch.blocks[k];
+    cast += std::uint32_t(std::popcount(batch.fans[k].wanted));
+    if (partly && b.dark && sums.middle == Sums::Middle::Free && buried(batch.fans[k], cast)) continue;
+    std::array<Sums::Half, 4> lanes{};
+    for (std::size_t i = 0; i < kBlock; i += 4)
+      for (std::size_t l = 0; l < 4; ++l) {
+        lanes[l].cosine += b.directions->cosine[i + l];
+        lanes[l].uniform += b.directions->uniform[i + l];
+        lanes[l].blockedCosine += b.directions->cosine[i + l] * b.blocked[i + l];
+        lanes[l].blockedUniform += b.directions->uniform[i + l] * b.blocked[i + l];
+      }
+    Sums::Half& h = sums.halves[b.half];
+    for (const Sums::Half& l : lanes) {
+      h.cosine += l.cosine;
+      h.uniform += l.uniform;
+      h.blockedCosine += l.blockedCosine;
+      h.blockedUniform += l.blockedUniform;
+    }
+    if (!bent) continue;
+    glm::vec3 open(0.0f);
+    for (std::size_t i = 0; i < kBlock; ++i)
+      open += (1.0f - b.blocked[i]) * b.directions->cosine[i] * glm::vec3(b.directions->x[i], b.directions->y[i], b.directions->z[i]);
+    *bent += b.frame * open;
+  }
+  batch.count = 0;
+  return cast;
+}
+
+std::uint32_t Hemisphere::castFrom(std::uint64_t address, std::uint32_t from, std::uint32_t until, const Places& places, Sums& sums,
+                                   glm::vec3* bent) const {
+  Batch batch;
+  std::uint32_t cast = 0;
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    const Turn turn(address, half);
+    const Sobol4 numbers = placesOf(address, half);
+    for (std::uint32_t block = from / kBlock; block < until / kBlock; ++block) {
+      if (batch.count == kBlocks) cast += finish(batch, places, address, sums, bent);
+      start(batch, places.at(numbers.point2(block)), turn, block);
+    }
+  }
+  if (batch.count > 0) cast += finish(batch, places, address, sums, bent);
+  sums.rays = until;
+  return cast;
+}
+
+std::uint32_t Hemisphere::cast(std::uint64_t address, std::uint32_t until, const Places& places, Sums& sums, glm::vec3* bent) const {
+  if (until <= sums.rays) return 0;
+  const bool darkBefore = sums.rays > 0 && sums.uniform() == 0.0 && sums.middle == Sums::Middle::Unknown;
+  const glm::vec3 bentBefore = bent ? *bent : glm::vec3(0.0f);
+  std::uint32_t cast = castFrom(address, sums.rays, until, places, sums, bent);
+  // Only now it shows that some places see something: which of the first ones lay inside a solid is asked again.
+  if (darkBefore && sums.middle == Sums::Middle::Free) {
+    sums = {};
+    sums.middle = Sums::Middle::Free;
+    if (bent) *bent = bentBefore;
+    cast += castFrom(address, 0, until, places, sums, bent);
+  }
+  return cast;
+}
+
+std::vector<RayFan> Hemisphere::fans(std::uint64_t address, std::uint32_t until, const Places& places) const {
+  std::vector<RayFan> out;
+  Batch batch;
+  for (std::uint32_t half = 0; half < 2; ++half) {
+    const Turn turn(address, half);
+    const Sobol4 numbers = placesOf(address, half);
+    for (std::uint32_t block = 0; block < until / kBlock; ++block) {
+      batch.count = 0;
+      start(batch, places.at(numbers.point2(block)), turn, block);
+      out.push_back(batch.fans[0]);
+    }
+  }
+  return out;
+}
+
+AtPlace opennessAt(const SurfacePoint& place, const Tracer& tracer, const Options& options, std::uint32_t rays, std::uint64_t seed,
+                   std::uint32_t scramble) {
+  Sums sums;
+  Hemisphere(tracer, options).cast(addressOf(seed, kNone, scramble), rays / 2, {[&](glm::vec2) { return place; }}, sums, nullptr);
+  return {sums.cosine(), sums.uniform()};
+}
+
+}  // namespace lmc::ao

@@ -1,0 +1,79 @@
+#pragma once
+/// Rays over the hemispheres of one texel's places, and what they found.
+#include <functional>
+#include <optional>
+
+#include "libao/ao.h"
+#include "libao/directions.h"
+
+namespace lmc::ao {
+
+/// Weights of all rays and of those that were blocked, in two independent halves.
+struct Sums {
+  struct Half {
+    float cosine = 0.0f, uniform = 0.0f, blockedCosine = 0.0f, blockedUniform = 0.0f;
+  };
+  std::array<Half, 2> halves;
+  std::uint32_t rays = 0;  ///< each half, below faces included
+  /// Whether the texel's middle lies inside a solid that stands on its surface; asked only where some of its places see nothing.
+  enum class Middle : std::uint8_t { Unknown, Free, Buried } middle = Middle::Unknown;
+
+  // Blocked sums are made of the same terms in the same order: all blocked is exactly 0, none exactly 1. A half whose every place lay
+  // inside a solid knows nothing, and the other speaks for it.
+  double cosine(std::size_t h) const {
+    const Half& own = halves[h].cosine > 0.0f ? halves[h] : halves[1 - h];
+    return own.cosine > 0.0f ? 1.0 - double(own.blockedCosine) / double(own.cosine) : 0.0;
+  }
+  double uniform(std::size_t h) const {
+    const Half& own = halves[h].uniform > 0.0f ? halves[h] : halves[1 - h];
+    return own.uniform > 0.0f ? 1.0 - double(own.blockedUniform) / double(own.uniform) : 0.0;
+  }
+  double cosine() const { return 0.5 * (cosine(0) + cosine(1)); }
+  double uniform() const { return 0.5 * (uniform(0) + uniform(1)); }
+};
+
+/// Where the rays of a texel or vertex start.
+struct Places {
+  std::function<SurfacePoint(glm::vec2)> at;  ///< for a point of the unit square
+  /// A texel's middle. Where it is free, places of the texel inside a solid (a wall that stands on an uncut floor) do not count; where it
+  /// is inside, so is the texel, and its openness 0. None = every place counts.
+  std::optional<SurfacePoint> middle{};
+};
+
+class Hemisphere {
+ public:
+  Hemisphere(const Tracer&, const Options&);
+
+  /// Rays until each half has `until` (a multiple of kBlock); ray k of a half is the same whatever was asked before. `bent`, when not
+  /// null, takes the open directions. Returns the rays cast.
+  std::uint32_t cast(std::uint64_t address, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
+
+  /// Whether most rays of a place meet backs of faces. Adds the rays that it costs.
+  bool buried(const SurfacePoint&, std::uint64_t address, std::uint32_t& cast) const;
+
+  /// The rays until each half has `until`, as cast() traces them.
+  std::vector<RayFan> fans(std::uint64_t address, std::uint32_t until, const Places&) const;
+
+ private:
+  struct Batch;
+  struct Turn;
+  std::uint32_t castFrom(std::uint64_t address, std::uint32_t from, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
+  void start(Batch&, const SurfacePoint&, const Turn&, std::uint32_t block) const;
+  void trace(Batch&) const;
+  static bool mayBePartlyBuried(const Batch&);
+  bool buried(const RayFan&, std::uint32_t& cast) const;
+  std::uint32_t finish(Batch&, const Places&, std::uint64_t address, Sums&, glm::vec3* bent) const;
+
+  const Tracer& tracer_;
+  const Options& options_;
+};
+
+/// What sums of open directions begin with, along the normal: it decides where nothing is open.
+inline constexpr float kNextToNothing = 1e-6f;
+/// Directions of any length become unit ones; zero stays.
+void unitAll(std::vector<glm::vec3>&);
+
+/// The address of a texel's or vertex's random numbers.
+std::uint64_t addressOf(std::uint64_t seed, std::uint32_t x, std::uint32_t y);
+
+}  // namespace lmc::ao
