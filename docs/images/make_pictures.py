@@ -127,11 +127,10 @@ def main():
         beside(HERE / 'shade_light_map.png', [shade(baked, 'a.png', *at, '--no-light-map', '--ao', 'off'), shade(baked, 'b.png', '--exposure', 0.08, '--view', 'lightmap'),
                                               shade(baked, 'c.png', *at)])
         ambient = ('--no-light-map', '--view', 'final', '--exposure', 1.0)
-        edit_glb(folder / 'glossy.glb', folder / 'ambient.glb', lambda doc: doc['extensions']['KHR_lights_punctual']['lights'][0].update(intensity=0.0))
+        edit_glb(folder / 'glossy.glb', folder / 'ambient.glb', lambda doc: doc['extensions']['KHR_lights_punctual']['lights'][0].update(intensity=1e-3))
         bake_ao = folder / 'ao'
-        subprocess.run([lmc, 'bake', folder / 'ambient.glb', '-o', bake_ao, '--preset', 'draft', '--progress', 'none'], check=True, capture_output=True)
-        kinds = ['off', 'baked', 'screen'] if list(bake_ao.glob('ao*.exr')) else ['off', 'screen']
-        beside(HERE / 'shade_ao.png', [shade(bake_ao, f'{kind}.png', *ambient, '--ao', kind) for kind in kinds])
+        subprocess.run([lmc, 'bake', folder / 'ambient.glb', '-o', bake_ao, '--preset', 'draft', '--ao-distance', '0.7', '--progress', 'none'], check=True, capture_output=True)
+        beside(HERE / 'shade_ao.png', [shade(bake_ao, f'{kind}.png', *ambient, '--ao', kind) for kind in ('off', 'baked', 'screen')])
         panels, camera = bumpy_panels(folder, lmc), ('--camera', '1.03,0.5,1.75,1.03,0.5,0,46', '--exposure', 1.3)
         beside(HERE / 'shade_normal_map.png', [shade(panels, 'd.png', *camera, '--no-normal-maps'), shade(panels, 'e.png', *camera)])
         beside(HERE / 'shade_determinant.png', [shade(panels, 'f.png', *camera, '--ignore-determinant'), shade(panels, 'g.png', *camera)])
