@@ -1,11 +1,10 @@
 /// Rays per second of the whole ambient-occlusion baker, 256 rays a texel, against bare Embree on the same rays, made beforehand, in each
 /// of the forms that it offers. usage: ao_bench [LEVEL.glb] [benchmark options]; default samples/court.glb
 #include <benchmark/benchmark.h>
-#include <embree3/rtcore.h>
 
-#include <cstring>
 #include <memory>
 
+#include "bench/bare_embree.h"
 #include "libao/hemisphere.h"
 #include "libradiosity/light_map.h"
 #include "libscene/level.h"
@@ -16,17 +15,16 @@ namespace {
 using namespace lmc;
 
 constexpr std::uint32_t kRaysPerTexel = 256;
-constexpr std::size_t kBareRays = 6'000'000;  // whole tiles until there are so many: neighbours follow each other as in a bake
+constexpr std::size_t kRays = 8'000'000;  // about: whole tiles, spread over the maps, so that neighbours follow each other as in a bake
 
 struct Bench {
   Scene scene;
   std::unique_ptr<Tracer> tracer;
   Charts charts;
   std::unique_ptr<TexelMap> texels;
-  std::vector<std::uint32_t> chart;
-  std::vector<RTCRay> rays;  ///< texel by texel
-  RTCDevice device = nullptr;
-  RTCScene bare = nullptr;
+  std::vector<std::uint32_t> chart;  ///< of the texels in those tiles
+  std::vector<RTCRay> rays;          ///< texel by texel
+  std::unique_ptr<BareEmbree> bare;
 };
 Bench bench;
 
@@ -35,12 +33,14 @@ void makeRays() {
   const ao::Hemisphere hemisphere(*bench.tracer, options);
   std::size_t covered = 0;
   for (const std::uint32_t c : bench.chart) covered += c != kNone;
-  const std::size_t step = std::max<std::size_t>(1, covered * kRaysPerTexel / kBareRays);
+  const std::size_t step = std::max<std::size_t>(1, covered * kRaysPerTexel / kRays);
+  std::vector<std::uint32_t> chart(bench.chart.size(), kNone);
   for (std::size_t t = 0; t < bench.texels->tileCount(); t += step) {
     const TexelTile tile = bench.texels->texels(t);
     for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
       const auto [x, y] = alongMorton(k);
       if (x >= tile.width || y >= tile.height || tile.at(x, y).coverage == 0.0f) continue;
+      chart[std::size_t(tile.y0 + y) * std::size_t(bench.texels->width()) + std::size_t(tile.x0 + x)] = tile.at(x, y).chart;
       const TexelSampler sampler(bench.scene, tile, tile.at(x, y));
       const auto fans = hemisphere.fans(ao::addressOf(1, std::uint32_t(tile.x0 + x), std::uint32_t(tile.y0 + y)), kRaysPerTexel / 2,
                                         {[&](glm::vec2 u) { return sampler.at(u); }});
@@ -48,13 +48,14 @@ void makeRays() {
         for (std::size_t i = 0; i < RayFan::kRays; ++i) {
           RTCRay r{};
           r.org_x = f.origin_m.x, r.org_y = f.origin_m.y, r.org_z = f.origin_m.z;
-          r.dir_x = f.x[i], r.dir_y = f.y[i], r.dir_z = f.z[i];
+          r.dir_x = f.towards[i].x, r.dir_y = f.towards[i].y, r.dir_z = f.towards[i].z;
           r.tfar = (f.wanted >> i & 1) != 0 ? f.tFar : -1.0f;  // below the face: not asked
           r.mask = ~0u;
           bench.rays.push_back(r);
         }
     }
   }
+  bench.chart = std::move(chart);
 }
 
 void prepare(const char* level) {
@@ -66,18 +67,7 @@ void prepare(const char* level) {
   bench.texels = std::make_unique<TexelMap>(bench.scene, bench.charts, side);
   bench.chart = startMap(bench.scene, *bench.texels, run).chart;
   makeRays();
-  bench.device = rtcNewDevice(nullptr);
-  bench.bare = rtcNewScene(bench.device);
-  rtcSetSceneFlags(bench.bare, RTC_SCENE_FLAG_ROBUST);
-  RTCGeometry g = rtcNewGeometry(bench.device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, bench.scene.positions_m.size()),
-              bench.scene.positions_m.data(), 12 * bench.scene.positions_m.size());
-  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, bench.scene.triangles.size()),
-              bench.scene.triangles.data(), 12 * bench.scene.triangles.size());
-  rtcCommitGeometry(g);
-  rtcAttachGeometry(bench.bare, g);
-  rtcReleaseGeometry(g);
-  rtcCommitScene(bench.bare);
+  bench.bare = std::make_unique<BareEmbree>(bench.scene);
 }
 
 void report(benchmark::State& state, double rays) { state.counters["rays/s"] = benchmark::Counter(rays, benchmark::Counter::kIsRate); }
@@ -100,13 +90,13 @@ void bare(benchmark::State& state, const std::vector<Ray>& made, const Trace& tr
 
 void bareSingle(benchmark::State& state) {
   bare(state, bench.rays, [](RTCIntersectContext* context, RTCRay* rays) {
-    for (std::uint32_t i = 0; i < kRaysPerTexel; ++i) rtcOccluded1(bench.bare, context, rays + i);
+    for (std::uint32_t i = 0; i < kRaysPerTexel; ++i) rtcOccluded1(bench.bare->scene, context, rays + i);
   });
 }
 
 void bareStream(benchmark::State& state) {
   bare(state, bench.rays,
-       [](RTCIntersectContext* context, RTCRay* rays) { rtcOccluded1M(bench.bare, context, rays, kRaysPerTexel, sizeof(RTCRay)); });
+       [](RTCIntersectContext* context, RTCRay* rays) { rtcOccluded1M(bench.bare->scene, context, rays, kRaysPerTexel, sizeof(RTCRay)); });
 }
 
 template <class Packet>
@@ -128,7 +118,7 @@ void barePacket8(benchmark::State& state) {
   alignas(32) int valid[8];
   std::fill(valid, valid + 8, -1);
   bare(state, packets<RTCRay8>(), [&](RTCIntersectContext* context, RTCRay8* rays) {
-    for (std::uint32_t i = 0; i < kRaysPerTexel / 8; ++i) rtcOccluded8(valid, bench.bare, context, rays + i);
+    for (std::uint32_t i = 0; i < kRaysPerTexel / 8; ++i) rtcOccluded8(valid, bench.bare->scene, context, rays + i);
   });
 }
 
@@ -136,7 +126,7 @@ void barePacket16(benchmark::State& state) {
   alignas(64) int valid[16];
   std::fill(valid, valid + 16, -1);
   bare(state, packets<RTCRay16>(), [&](RTCIntersectContext* context, RTCRay16* rays) {
-    for (std::uint32_t i = 0; i < kRaysPerTexel / 16; ++i) rtcOccluded16(valid, bench.bare, context, rays + i);
+    for (std::uint32_t i = 0; i < kRaysPerTexel / 16; ++i) rtcOccluded16(valid, bench.bare->scene, context, rays + i);
   });
 }
 

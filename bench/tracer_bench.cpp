@@ -1,11 +1,10 @@
 /// Rays per second of lmc's tracer against bare Embree on the same rays: the hemisphere rays of a level's texels, 256 a texel.
 /// usage: tracer_bench [LEVEL.glb] [benchmark options]; default samples/court.glb
 #include <benchmark/benchmark.h>
-#include <embree3/rtcore.h>
 
-#include <cstring>
 #include <memory>
 
+#include "bench/bare_embree.h"
 #include "libscene/level.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
@@ -26,8 +25,7 @@ struct Bench {
   std::vector<Ray> rays;
   std::vector<Hit> hits;
   std::vector<std::uint8_t> blocked;
-  RTCDevice device = nullptr;
-  RTCScene bare = nullptr;
+  std::unique_ptr<BareEmbree> bare;
 };
 Bench bench;
 
@@ -61,18 +59,7 @@ void prepare(const char* level) {
   bench.hits.resize(bench.rays.size());
   bench.blocked.resize(bench.rays.size());
 
-  bench.device = rtcNewDevice(nullptr);
-  bench.bare = rtcNewScene(bench.device);
-  rtcSetSceneFlags(bench.bare, RTC_SCENE_FLAG_ROBUST);
-  RTCGeometry g = rtcNewGeometry(bench.device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, bench.scene.positions_m.size()),
-              bench.scene.positions_m.data(), 12 * bench.scene.positions_m.size());
-  std::memcpy(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, bench.scene.triangles.size()),
-              bench.scene.triangles.data(), 12 * bench.scene.triangles.size());
-  rtcCommitGeometry(g);
-  rtcAttachGeometry(bench.bare, g);
-  rtcReleaseGeometry(g);
-  rtcCommitScene(bench.bare);
+  bench.bare = std::make_unique<BareEmbree>(bench.scene);
 }
 
 std::vector<RTCRayHit> bareRays() {
@@ -106,17 +93,17 @@ void bare(benchmark::State& state, Trace trace) {
 }
 void bareClosestSingle(benchmark::State& state) {
   bare(state, [](RTCIntersectContext* context, RTCRayHit* rays) {
-    for (std::uint32_t i = 0; i < kRaysPerTexel; ++i) rtcIntersect1(bench.bare, context, rays + i);
+    for (std::uint32_t i = 0; i < kRaysPerTexel; ++i) rtcIntersect1(bench.bare->scene, context, rays + i);
   });
 }
 void bareClosestStream(benchmark::State& state) {
   bare(state, [](RTCIntersectContext* context, RTCRayHit* rays) {
-    rtcIntersect1M(bench.bare, context, rays, kRaysPerTexel, sizeof(RTCRayHit));
+    rtcIntersect1M(bench.bare->scene, context, rays, kRaysPerTexel, sizeof(RTCRayHit));
   });
 }
 void bareOccludedStream(benchmark::State& state) {
   bare(state, [](RTCIntersectContext* context, RTCRayHit* rays) {
-    rtcOccluded1M(bench.bare, context, &rays->ray, kRaysPerTexel, sizeof(RTCRayHit));
+    rtcOccluded1M(bench.bare->scene, context, &rays->ray, kRaysPerTexel, sizeof(RTCRayHit));
   });
 }
 void lmcClosest(benchmark::State& state) {

@@ -1,7 +1,6 @@
 #include "libao/directions.h"
 
 #include <cmath>
-#include <glm/glm.hpp>
 #include <vector>
 
 #include "libscene/constants.h"
@@ -28,11 +27,11 @@ std::vector<Directions> makeSets() {
       Directions& d = blocks[(s * kRaysOfSet + k) / kBlock];
       const glm::dvec3 v = towards(numbers.point2(k));
       const std::size_t i = k % kBlock;
-      d.x[i] = float(v.x);
-      d.y[i] = float(v.y);
-      d.z[i] = float(v.z);
+      d.towards[i] = glm::vec3(v);
       d.cosine[i] = float(2.0 * v.z / (v.z + 0.5));
       d.uniform[i] = float(1.0 / (v.z + 0.5));
+      d.allCosine += d.cosine[i];
+      d.allUniform += d.uniform[i];
     }
   }
   return blocks;

@@ -8,6 +8,7 @@
 /// the other weighting.
 #include <array>
 #include <cstdint>
+#include <glm/glm.hpp>
 
 namespace lmc::ao {
 
@@ -16,7 +17,9 @@ inline constexpr std::uint32_t kSets = 64, kRaysOfSet = 4096;
 
 /// Directions about +z and their weights.
 struct Directions {
-  std::array<float, kBlock> x, y, z, cosine, uniform;
+  std::array<glm::vec3, kBlock> towards;
+  std::array<float, kBlock> cosine, uniform;
+  float allCosine = 0.0f, allUniform = 0.0f;  ///< their sums
 };
 
 /// Block of one of kSets independently scrambled Sobol sequences; a texel takes one of them and turns it about the normal. All are made at

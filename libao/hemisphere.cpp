@@ -14,20 +14,23 @@ namespace {
 constexpr std::size_t kBlocks = 16;       // of a batch: 256 rays, as many as a stream takes well
 constexpr double kOpenBeside = 0.25;      // (1 - 0.25)^16 = 1 %
 constexpr std::ptrdiff_t kBackFaces = 8;  // of the sixteen rays of a place: it lies inside a solid, which others may pierce
-constexpr std::uint16_t kAll = 0xffff;
+constexpr std::uint16_t kAll = 0xffff;    // bits of a block
 static_assert(kBlock == RayFan::kRays);
 
 }  // namespace
 
-/// Rays of some blocks of one texel.
+/// Sixteen rays from one place.
+struct Hemisphere::Block {
+  const Directions* directions;
+  std::uint32_t half;
+  glm::mat3 frame;
+  std::uint16_t blocked;            ///< bit i: ray i is, or it goes below the face
+  std::array<float, kBlock> share;  ///< how much of each counts where occluders fall off, [0, 1]
+  bool dark() const { return blocked == kAll; }
+};
+
+/// Blocks of one texel.
 struct Hemisphere::Batch {
-  struct Block {
-    const Directions* directions;
-    std::uint32_t half;
-    glm::mat3 frame;
-    std::array<float, kBlock> blocked;  ///< how much of each ray is, [0, 1]; 1 below the face
-    bool dark;                          ///< all of each is
-  };
   std::array<Block, kBlocks> blocks;
   std::array<RayFan, kBlocks> fans;
   std::size_t count = 0;
@@ -37,12 +40,19 @@ struct Hemisphere::Batch {
 struct Hemisphere::Turn {
   std::uint32_t half, set;
   double cosine, sine;
+  glm::dvec3 normal{0.0};
+  glm::mat3 frame{1.0f};  ///< about that normal: places of a flat texel share it
   Turn(std::uint64_t address, std::uint32_t h) : half(h) {
     const std::uint64_t choice = combine(address, h);
     const double angle = 2.0 * kPi * double(choice >> 32) * 0x1p-32;
     set = std::uint32_t(choice) % kSets;
     cosine = std::cos(angle);
     sine = std::sin(angle);
+  }
+  void about(const glm::dvec3& n) {
+    const glm::dmat3 plain = frameAbout(n);
+    normal = n;
+    frame = glm::mat3(glm::dmat3(cosine * plain[0] + sine * plain[1], cosine * plain[1] - sine * plain[0], plain[2]));
   }
 };
 
@@ -64,28 +74,26 @@ void unitAll(std::vector<glm::vec3>& directions) {
 
 Hemisphere::Hemisphere(const Tracer& tracer, const Options& options) : tracer_(tracer), options_(options) {}
 
-void Hemisphere::start(Batch& batch, const SurfacePoint& place, const Turn& turn, std::uint32_t block) const {
-  Batch::Block& b = batch.blocks[batch.count];
+void Hemisphere::start(Batch& batch, const SurfacePoint& place, Turn& turn, std::uint32_t block) const {
+  Block& b = batch.blocks[batch.count];
   RayFan& fan = batch.fans[batch.count++];
   // Past the end of a set the next one goes on.
   constexpr std::uint32_t kBlocksOfSet = kRaysOfSet / kBlock;
   const Directions& d = directions((turn.set + block / kBlocksOfSet) % kSets, block % kBlocksOfSet);
-  const glm::dmat3 about = frameAbout(place.normal);
-  const glm::mat3 frame(glm::dmat3(turn.cosine * about[0] + turn.sine * about[1], turn.cosine * about[1] - turn.sine * about[0], about[2]));
+  if (turn.normal != place.normal) turn.about(place.normal);
   b.directions = &d;
   b.half = turn.half;
-  b.frame = frame;
+  b.frame = turn.frame;
   fan.origin_m = tracer_.lifted(place.position_m, place.geometricNormal);
   fan.tFar = float(options_.distance_m);
   fan.wanted = kAll;
-  for (std::size_t i = 0; i < kBlock; ++i) fan.x[i] = frame[0].x * d.x[i] + frame[1].x * d.y[i] + frame[2].x * d.z[i];
-  for (std::size_t i = 0; i < kBlock; ++i) fan.y[i] = frame[0].y * d.x[i] + frame[1].y * d.y[i] + frame[2].y * d.z[i];
-  for (std::size_t i = 0; i < kBlock; ++i) fan.z[i] = frame[0].z * d.x[i] + frame[1].z * d.y[i] + frame[2].z * d.z[i];
+  const glm::vec4 x(turn.frame[0], 0.0f), y(turn.frame[1], 0.0f), z(turn.frame[2], 0.0f);
+  for (std::size_t i = 0; i < kBlock; ++i) fan.towards[i] = d.towards[i].x * x + d.towards[i].y * y + d.towards[i].z * z;
   if (place.normal == place.geometricNormal) return;
   const glm::vec3 face(place.geometricNormal);
   unsigned below = 0;
   for (std::size_t i = 0; i < kBlock; ++i)
-    if (fan.x[i] * face.x + fan.y[i] * face.y + fan.z[i] * face.z <= 0.0f) below |= 1u << i;
+    if (glm::dot(glm::vec3(fan.towards[i]), face) <= 0.0f) below |= 1u << i;
   fan.wanted = std::uint16_t(~below);
 }
 
@@ -94,11 +102,7 @@ void Hemisphere::trace(Batch& batch) const {
   if (options_.fallOff == FallOff::None) {
     std::array<std::uint16_t, kBlocks> blocked;
     tracer_.occluded(fans, {blocked.data(), batch.count}, Purpose::Occlusion);
-    for (std::size_t k = 0; k < batch.count; ++k) {
-      const unsigned bits = blocked[k] | std::uint16_t(~fans[k].wanted);
-      batch.blocks[k].dark = bits == kAll;
-      for (unsigned i = 0; i < kBlock; ++i) batch.blocks[k].blocked[i] = (bits & 1u << i) != 0 ? 1.0f : 0.0f;
-    }
+    for (std::size_t k = 0; k < batch.count; ++k) batch.blocks[k].blocked = blocked[k] | std::uint16_t(~fans[k].wanted);
     return;
   }
   for (std::size_t k = 0; k < batch.count; ++k) {
@@ -106,25 +110,26 @@ void Hemisphere::trace(Batch& batch) const {
     std::array<Hit, kBlock> hits;
     for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fans[k].ray(i);
     tracer_.closest(rays, hits, Purpose::Occlusion);
-    Batch::Block& b = batch.blocks[k];
+    Block& b = batch.blocks[k];
+    b.blocked = std::uint16_t(~fans[k].wanted);
     for (std::size_t i = 0; i < kBlock; ++i) {
+      const bool below = (b.blocked & 1u << i) != 0;
       const float near = hits[i] ? std::max(0.0f, 1.0f - hits[i].t / fans[k].tFar) : 0.0f;
-      b.blocked[i] = options_.fallOff == FallOff::Linear ? near : near * near;
-      if (!(fans[k].wanted & 1u << i)) b.blocked[i] = 1.0f;
+      b.share[i] = below ? 1.0f : options_.fallOff == FallOff::Linear ? near : near * near;
+      if (hits[i]) b.blocked |= std::uint16_t(1u << i);
     }
-    b.dark = std::ranges::all_of(b.blocked, [](float v) { return v == 1.0f; });
   }
 }
 
 /// Whether some places see nothing, while from others so much is open that this is hardly chance.
 bool Hemisphere::mayBePartlyBuried(const Batch& batch) {
-  double open = 0.0, seeing = 0.0;
+  int open = 0, seeing = 0;
   for (std::size_t k = 0; k < batch.count; ++k) {
-    if (batch.blocks[k].dark) continue;
-    for (const float b : batch.blocks[k].blocked) open += 1.0 - double(b);
-    seeing += 1.0;
+    if (batch.blocks[k].dark()) continue;
+    open += int(kBlock) - std::popcount(batch.blocks[k].blocked);
+    ++seeing;
   }
-  return seeing > 0.0 && seeing < double(batch.count) && open > kOpenBeside * kBlock * seeing;
+  return seeing > 0 && seeing < int(batch.count) && open > kOpenBeside * kBlock * seeing;
 }
 
 bool Hemisphere::buried(const RayFan& fan, std::uint32_t& cast) const {
@@ -138,8 +143,31 @@ bool Hemisphere::buried(const RayFan& fan, std::uint32_t& cast) const {
 
 bool Hemisphere::buried(const SurfacePoint& place, std::uint64_t address, std::uint32_t& cast) const {
   Batch batch;
-  start(batch, place, Turn(address, 0), 0);
+  Turn turn(address, 0);
+  start(batch, place, turn, 0);
   return buried(batch.fans[0], cast);
+}
+
+/// How much of a ray counts as blocked.
+float Hemisphere::shareOf(const Block& b, std::size_t i) const {
+  if (options_.fallOff != FallOff::None) return b.share[i];
+  return (b.blocked & 1u << i) != 0 ? 1.0f : 0.0f;
+}
+
+/// The blocked weights of a block; all of them are exactly those that directions() sums up.
+Sums::Half Hemisphere::blockedOf(const Block& b) const {
+  Sums::Half out;
+  if (b.dark() && options_.fallOff == FallOff::None) {
+    out.blockedCosine = b.directions->allCosine;
+    out.blockedUniform = b.directions->allUniform;
+    return out;
+  }
+  for (unsigned left = b.blocked; left != 0; left &= left - 1) {
+    const auto i = std::size_t(std::countr_zero(left));
+    out.blockedCosine += shareOf(b, i) * b.directions->cosine[i];
+    out.blockedUniform += shareOf(b, i) * b.directions->uniform[i];
+  }
+  return out;
 }
 
 /// Traces a batch and adds it up; returns the rays cast.
@@ -150,28 +178,18 @@ std::uint32_t Hemisphere::finish(Batch& batch, const Places& places, std::uint64
   if (partly && sums.middle == Sums::Middle::Unknown)
     sums.middle = buried(*places.middle, address, cast) ? Sums::Middle::Buried : Sums::Middle::Free;
   for (std::size_t k = 0; k < batch.count; ++k) {
-    const Batch::Block& b = batch.blocks[k];
+    const Block& b = batch.blocks[k];
     cast += std::uint32_t(std::popcount(batch.fans[k].wanted));
-    if (partly && b.dark && sums.middle == Sums::Middle::Free && buried(batch.fans[k], cast)) continue;
-    std::array<Sums::Half, 4> lanes{};
-    for (std::size_t i = 0; i < kBlock; i += 4)
-      for (std::size_t l = 0; l < 4; ++l) {
-        lanes[l].cosine += b.directions->cosine[i + l];
-        lanes[l].uniform += b.directions->uniform[i + l];
-        lanes[l].blockedCosine += b.directions->cosine[i + l] * b.blocked[i + l];
-        lanes[l].blockedUniform += b.directions->uniform[i + l] * b.blocked[i + l];
-      }
+    if (partly && b.dark() && sums.middle == Sums::Middle::Free && buried(batch.fans[k], cast)) continue;
     Sums::Half& h = sums.halves[b.half];
-    for (const Sums::Half& l : lanes) {
-      h.cosine += l.cosine;
-      h.uniform += l.uniform;
-      h.blockedCosine += l.blockedCosine;
-      h.blockedUniform += l.blockedUniform;
-    }
+    h.cosine += b.directions->allCosine;
+    h.uniform += b.directions->allUniform;
+    const Sums::Half blocked = blockedOf(b);
+    h.blockedCosine += blocked.blockedCosine;
+    h.blockedUniform += blocked.blockedUniform;
     if (!bent) continue;
     glm::vec3 open(0.0f);
-    for (std::size_t i = 0; i < kBlock; ++i)
-      open += (1.0f - b.blocked[i]) * b.directions->cosine[i] * glm::vec3(b.directions->x[i], b.directions->y[i], b.directions->z[i]);
+    for (std::size_t i = 0; i < kBlock; ++i) open += (1.0f - shareOf(b, i)) * b.directions->cosine[i] * b.directions->towards[i];
     *bent += b.frame * open;
   }
   batch.count = 0;
@@ -183,7 +201,7 @@ std::uint32_t Hemisphere::castFrom(std::uint64_t address, std::uint32_t from, st
   Batch batch;
   std::uint32_t cast = 0;
   for (std::uint32_t half = 0; half < 2; ++half) {
-    const Turn turn(address, half);
+    Turn turn(address, half);
     const Sobol4 numbers = placesOf(address, half);
     for (std::uint32_t block = from / kBlock; block < until / kBlock; ++block) {
       if (batch.count == kBlocks) cast += finish(batch, places, address, sums, bent);
@@ -214,7 +232,7 @@ std::vector<RayFan> Hemisphere::fans(std::uint64_t address, std::uint32_t until,
   std::vector<RayFan> out;
   Batch batch;
   for (std::uint32_t half = 0; half < 2; ++half) {
-    const Turn turn(address, half);
+    Turn turn(address, half);
     const Sobol4 numbers = placesOf(address, half);
     for (std::uint32_t block = 0; block < until / kBlock; ++block) {
       batch.count = 0;

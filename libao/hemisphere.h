@@ -55,12 +55,15 @@ class Hemisphere {
   std::vector<RayFan> fans(std::uint64_t address, std::uint32_t until, const Places&) const;
 
  private:
+  struct Block;
   struct Batch;
   struct Turn;
   std::uint32_t castFrom(std::uint64_t address, std::uint32_t from, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
-  void start(Batch&, const SurfacePoint&, const Turn&, std::uint32_t block) const;
+  void start(Batch&, const SurfacePoint&, Turn&, std::uint32_t block) const;
   void trace(Batch&) const;
   static bool mayBePartlyBuried(const Batch&);
+  float shareOf(const Block&, std::size_t i) const;
+  Sums::Half blockedOf(const Block&) const;
   bool buried(const RayFan&, std::uint32_t& cast) const;
   std::uint32_t finish(Batch&, const Places&, std::uint64_t address, Sums&, glm::vec3* bent) const;
 

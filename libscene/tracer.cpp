@@ -183,11 +183,14 @@ void Tracer::occluded(std::span<const RayFan> fans, std::span<std::uint16_t> blo
   for (std::size_t at = 0; at < fans.size(); at += kFans) {
     const std::size_t end = std::min(at + kFans, fans.size());
     unsigned n = 0;
-    for (std::size_t f = at; f < end; ++f)
+    for (std::size_t f = at; f < end; ++f) {
+      const RTCRay same = toEmbree({fans[f].origin_m, glm::vec3(0.0f), fans[f].tFar});
       for (unsigned i = 0; i < RayFan::kRays; ++i) {
-        buffer[n] = toEmbree(fans[f].ray(i));
-        n += fans[f].wanted >> i & 1u;  // what is not wanted is written over
+        buffer[n] = same;
+        std::memcpy(&buffer[n].dir_x, &fans[f].towards[i], sizeof(glm::vec4));  // w is the ray's time, 0
+        n += fans[f].wanted >> i & 1u;                                          // what is not wanted is written over
       }
+    }
     rtcOccluded1M(device_->scene, &context, buffer, n, sizeof(RTCRay));
     cast += n;
     n = 0;

@@ -24,10 +24,10 @@ struct Ray {
 struct RayFan {
   static constexpr std::size_t kRays = 16;
   glm::vec3 origin_m;
-  float tFar;                        ///< counts in lengths of the directions
-  std::array<float, kRays> x, y, z;  ///< directions
-  std::uint16_t wanted;              ///< bit i: ray i is to be cast
-  Ray ray(std::size_t i) const { return {origin_m, {x[i], y[i], z[i]}, tFar}; }
+  float tFar;                                        ///< counts in lengths of the directions
+  std::uint16_t wanted;                              ///< bit i: ray i is to be cast
+  alignas(16) std::array<glm::vec4, kRays> towards;  ///< directions; w = 0, so that each is one vector register
+  Ray ray(std::size_t i) const { return {origin_m, glm::vec3(towards[i]), tFar}; }
 };
 
 struct Hit {

@@ -19,7 +19,7 @@ import unittest
 
 OPTIONS = None
 VERBS = ("bake", "plan", "shade", "compare")
-SAME_EVERY_TIME = ("lightmap.exr", "level.glb", "level.lmc.json")
+SAME_EVERY_TIME = ("ao.exr", "ao.png", "lightmap.exr", "level.glb", "level.lmc.json")
 FAST = ("--preset", "draft")
 
 

@@ -13,7 +13,7 @@ double meanOf(std::uint32_t set, const F& f) {
   double sum = 0.0;
   for (std::uint32_t b = 0; b < kRaysOfSet / kBlock; ++b) {
     const Directions& d = directions(set, b);
-    for (std::size_t i = 0; i < kBlock; ++i) sum += f(double(d.z[i]), double(d.cosine[i]), double(d.uniform[i]));
+    for (std::size_t i = 0; i < kBlock; ++i) sum += f(double(d.towards[i].z), double(d.cosine[i]), double(d.uniform[i]));
   }
   return sum / kRaysOfSet;
 }
@@ -22,8 +22,8 @@ TEST(Directions, AreUnitAndAbove) {
   for (std::uint32_t b = 0; b < kRaysOfSet / kBlock; ++b) {
     const Directions& d = directions(7, b);
     for (std::size_t i = 0; i < kBlock; ++i) {
-      EXPECT_GE(d.z[i], 0.0f);
-      EXPECT_NEAR(d.x[i] * d.x[i] + d.y[i] * d.y[i] + d.z[i] * d.z[i], 1.0f, 1e-6f);
+      EXPECT_GE(d.towards[i].z, 0.0f);
+      EXPECT_NEAR(glm::length(d.towards[i]), 1.0f, 1e-6f);
     }
   }
 }
@@ -42,7 +42,7 @@ TEST(Directions, ServeBothWeightings) {
 
 TEST(Directions, OfDifferentSetsDiffer) {
   int same = 0;
-  for (std::size_t i = 0; i < kBlock; ++i) same += directions(0, 0).x[i] == directions(1, 0).x[i];
+  for (std::size_t i = 0; i < kBlock; ++i) same += directions(0, 0).towards[i] == directions(1, 0).towards[i];
   EXPECT_EQ(same, 0);
 }
 
