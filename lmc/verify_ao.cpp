@@ -14,7 +14,9 @@ namespace {
 
 using V = glm::vec3;
 
-constexpr std::uint32_t kRays = 8192;  // of each scramble
+// Of each scramble. No power of two: whole nets have one ray in each stratum of elevation, and where an edge runs along a circle of
+// latitude all scrambles could be off by the same ray, which their spread would not show.
+constexpr std::uint32_t kRays = 2 * 3008;
 constexpr int kLeastScrambles = 8, kMostScrambles = 1024;
 constexpr float kEndless = 1e5f;  // stands for infinite: what lies beyond is about 1e-5 of the hemisphere
 constexpr int kSegments = 4096;   // of a round wall: (pi/4096)^2/2 = 3e-7 off in its radius
