@@ -304,13 +304,11 @@ Seams findSeams(const Scene& scene) {
 }
 
 void fillPadding(LightMapValues& values, const Padding& padding) {
-  for (std::size_t i = 0; i < padding.from.size(); ++i) {
-    const std::uint32_t from = padding.from[i];
-    if (from == kNone || from == i) continue;
-    values.direct[i] = values.direct[from];
-    values.indirect[i] = values.indirect[from];
-    values.error[i] = values.error[from];
-  }
+  forRepeated(padding, [&](std::size_t to, std::uint32_t from) {
+    values.direct[to] = values.direct[from];
+    values.indirect[to] = values.indirect[from];
+    values.error[to] = values.error[from];
+  });
 }
 
 SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& scene, const Charts& charts, const Padding& padding,

@@ -20,6 +20,13 @@ struct Padding {
   std::vector<std::uint32_t> contested;
 };
 
+/// f(to, from) for every texel that repeats another.
+template <class F>
+void forRepeated(const Padding& padding, const F& f) {
+  for (std::size_t i = 0; i < padding.from.size(); ++i)
+    if (const std::uint32_t from = padding.from[i]; from != kNone && from != i) f(i, from);
+}
+
 /// `chart`: of each texel of the maps, which lie one below the other, `side` texels each; kNone = not covered. A texel whose centre is less
 /// than 1 texel, along both axes, from some place of a chart repeats the nearest covered texel of that chart, for a bilinear lookup there
 /// reads it; others (and those of charts that have no texel near) within kPadding repeat the nearest covered texel of any chart; the lower

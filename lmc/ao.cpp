@@ -56,14 +56,12 @@ void bentToTangentSpace(ao::Openness& openness, const Scene& scene, std::span<co
 }
 
 void padOpenness(ao::Openness& openness, const Padding& padding) {
-  for (std::size_t i = 0; i < padding.from.size(); ++i) {
-    const std::uint32_t from = padding.from[i];
-    if (from == kNone || from == i) continue;
-    openness.cosine[i] = openness.cosine[from];
-    openness.uniform[i] = openness.uniform[from];
-    openness.error[i] = openness.error[from];
-    if (!openness.bent.empty()) openness.bent[i] = openness.bent[from];
-  }
+  forRepeated(padding, [&](std::size_t to, std::uint32_t from) {
+    openness.cosine[to] = openness.cosine[from];
+    openness.uniform[to] = openness.uniform[from];
+    openness.error[to] = openness.error[from];
+    if (!openness.bent.empty()) openness.bent[to] = openness.bent[from];
+  });
 }
 
 void writeOpenness(OutputFile& file, const ao::Openness& o, std::size_t first, int side) {
@@ -173,7 +171,6 @@ class Job {
     noteDarkness(openness_, o_.ao.how, o_.model, run_);
     if (o_.ao.how.bent && o_.ao.bentInTangentSpace) bentToTangentSpace(openness_, scene_, scene_.mapUv, o_.size, o_.size, run_);
     const Padding padding = makePadding(scene_, charts, chart, o_.size, run_);
-    const std::vector<float> shown = o_.uniform ? openness_.uniform : ao::withoutRims(openness_, chart, o_.size);
     Json report = aoOf(openness_, o_.ao.how);
     report["size"] = o_.size;
     report["texCoord"] = o_.texCoord;
@@ -184,6 +181,7 @@ class Job {
       set.commit();
       return report;
     }
+    const std::vector<float> shown = o_.uniform ? openness_.uniform : ao::withoutRims(openness_, chart, o_.size);
     const std::vector<std::uint8_t> png = encodePng(pictureOfOpenness(shown, padding, 0, o_.size), false);
     if (o_.out.extension() == ".png") {
       writeBytes(o_.out, png);

@@ -25,7 +25,7 @@ void padOpenness(ao::Openness&, const Padding&);
 /// Channels Y (cosine), uniform.Y, stderr.Y and bent.R, G, B where there are bent normals, of `side` x `side` texels from `first` on.
 void writeOpenness(OutputFile&, const ao::Openness&, std::size_t first, int side);
 
-/// The same as a grey picture; `open` where nothing is shown.
+/// The same as a grey picture; white where nothing is shown.
 Image<glm::u8vec4> pictureOfOpenness(std::span<const float> shown, const Padding&, std::size_t first, int side);
 
 /// The verb.

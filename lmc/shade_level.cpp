@@ -49,8 +49,9 @@ shaders::LevelMaps readMaps(const fs::path& folder) {
   const nlohmann::json maps = sidecar.value("maps", nlohmann::json::array());
   for (std::size_t k = 0; k < maps.size(); ++k) {
     readLightMap(folder / maps[k].value("file", std::string()), out);
-    const fs::path openness = folder / (maps.size() == 1 ? std::string("ao.exr") : fmt::format("ao.{:03}.exr", k));
-    if (fs::exists(openness)) out.openness.push_back(readOpenness(openness));
+    // What the sidecar does not name is of an older bake.
+    if (const std::string openness = maps[k].value("ao", std::string()); !openness.empty())
+      out.openness.push_back(readOpenness(folder / openness));
   }
   if (out.openness.size() < maps.size()) out.openness.clear();
   return out;

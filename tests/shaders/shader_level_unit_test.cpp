@@ -29,13 +29,14 @@ void writeExrFile(const Folder& folder, const std::string& name, const std::vect
   set.commit();
 }
 
-/// A bake's folder by hand, with 2 x 2 texels.
+/// A bake's folder by hand, with 2 x 2 texels. Without openness the ao.exr in it is of an older bake: the sidecar does not name it.
 void writeBake(const Folder& folder, Builder level, bool withOpenness) {
   level.save(folder, "level.glb");
   const std::vector<float> e{0.5f, 1.0f, 1.5f, 2.0f}, y{0.25f, 0.5f, 0.75f, 1.0f};
   writeExrFile(folder, "lightmap.exr", {{"R", e.data()}, {"G", e.data()}, {"B", e.data()}}, 4.0f);
-  if (withOpenness) writeExrFile(folder, "ao.exr", {{"Y", y.data()}}, 1.0f);
+  writeExrFile(folder, "ao.exr", {{"Y", y.data()}}, 1.0f);
   Json sidecar{{"maps", {{{"file", "lightmap.exr"}}}}};
+  if (withOpenness) sidecar["maps"][0]["ao"] = "ao.exr";
   for (const char* name : {"level.glb", "lightmap.exr"})
     sidecar["files"].push_back({{"name", name}, {"xxh3", contentHash(readFile(folder.path() / name))}});
   folder.write("level.lmc.json", sidecar.dump());
