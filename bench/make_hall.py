@@ -2,6 +2,7 @@
 """Writes a hall of 40 x 20 x 6 m with columns and many lights: what a light tree is for. Python's standard library alone.
 
     make_hall.py OUT.glb --lamps 500           point lights on a grid under the ceiling
+    make_hall.py OUT.glb --lamps 500 --range 8 --hall 100 50 4      lamps that reach no farther than 8 m, in a hall of that size
     make_hall.py OUT.glb --panels 5000         emissive squares of two triangles each, as large in all as any other number of them
 The light in the hall is the same for every number: lamps share 20,000 cd, panels 8 m^2 of 2,000 cd/m^2.
 """
@@ -14,11 +15,13 @@ parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.R
 parser.add_argument('out')
 parser.add_argument('--lamps', type=int, default=0)
 parser.add_argument('--panels', type=int, default=0)
+parser.add_argument('--range', type=float, default=0.0, help='of each lamp [m]; 0: endless')
+parser.add_argument('--hall', type=float, nargs=3, default=[40.0, 20.0, 6.0], metavar=('W', 'D', 'H'), help='[m]')
 args = parser.parse_args()
 
-W, D, H = 40.0, 20.0, 6.0
+W, D, H = args.hall
 MAP = 512
-DENSITY = 7.0  # texels per metre
+DENSITY = 7.0 * math.sqrt(40.0 * 20.0 / (W * D))  # texels per metre
 GAP = 4
 
 
@@ -73,7 +76,7 @@ def empty():
 shelf = Shelf()
 hall, columns, panels = empty(), empty(), empty()
 box(hall, (0, 0, 0), (W, H, D), shelf, inward=True)
-COLUMNS = [(5.0 + 6.0 * i, z) for i in range(6) for z in (6.0, 14.0)]
+COLUMNS = [(W * (5.0 + 6.0 * i) / 40.0, D * z) for i in range(6) for z in (0.3, 0.7)]
 for x, z in COLUMNS:
     box(columns, (x - 0.4, 0, z - 0.4), (x + 0.4, H, z + 0.4), shelf, sides='xXzZ')
 
@@ -87,11 +90,13 @@ def grid(n):
 lights, nodes = [], []
 for k, (x, z) in enumerate(grid(args.lamps)):
     lights.append({'type': 'point', 'color': [1, 1, 1], 'intensity': 20000.0 / args.lamps})
-    nodes.append({'name': f'lamp{k}', 'translation': [x, 5.5, z], 'extensions': {'KHR_lights_punctual': {'light': k}}})
+    if args.range > 0.0:
+        lights[-1]['range'] = args.range
+    nodes.append({'name': f'lamp{k}', 'translation': [x, H - 0.5, z], 'extensions': {'KHR_lights_punctual': {'light': k}}})
 free = [(x, z) for x, z in grid(args.panels) if all(max(abs(x - cx), abs(z - cz)) > 0.8 for cx, cz in COLUMNS)]
 side = math.sqrt(8.0 / max(1, len(free)))
 for x, z in free:
-    quad(panels, (x - side / 2, 5.6, z - side / 2), (side, 0, 0), (0, 0, side))
+    quad(panels, (x - side / 2, H - 0.4, z - side / 2), (side, 0, 0), (0, 0, side))
 
 blob, views, accessors, meshes = bytearray(), [], [], []
 

@@ -49,6 +49,9 @@ struct Openness {
 /// `chart`: of each texel, kNone = not covered.
 Openness bakeMap(const Scene&, const TexelMap&, std::span<const std::uint32_t> chart, const Tracer&, const Options&, const Run&);
 
+/// The rays that bakeMap is going to cast over these texels, from a pilot of 32 a texel.
+double foretellMap(const Scene&, const TexelMap&, std::span<const std::uint32_t> chart, const Tracer&, const Options&, const Run&);
+
 /// Cosine openness as a picture shows it: buried texels have that of the texels beside them, so that no dark rim runs along the foot of a
 /// wall. One entry a texel.
 std::vector<float> withoutRims(const Openness&, std::span<const std::uint32_t> chart, int width);

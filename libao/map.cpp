@@ -46,60 +46,100 @@ bool isDarkBesideOpen(std::span<const Sums> sums, std::span<const std::uint32_t>
   return beside > kOpen && sums[i].uniform() < kDarker * beside;
 }
 
+/// The texels of one map, and rays over their hemispheres.
+class MapBaker {
+ public:
+  MapBaker(const Scene& scene, const TexelMap& texels, std::span<const std::uint32_t> chart, const Tracer& tracer, const Options& options,
+           const Run& run)
+      : scene_(scene),
+        texels_(texels),
+        chart_(chart),
+        options_(options),
+        run_(run),
+        hemisphere_(tracer, options),
+        poolOf_(chart.size(), kNone) {
+    pools_ = makePools(chart, texels.width(), poolOf_);
+    sums_.resize(chart.size());
+    bent_.assign(options.bent ? chart.size() : 0, glm::vec3(0.0f));
+  }
+
+  Openness bake() {
+    Openness out = castInRounds(options_, sums_, poolOf_, pools_, cast());
+    out.buried.assign(sums_.size(), 0);
+    out.rays += forTexels(
+        run_.part(1.0, 1.0), [&](std::size_t i) { return isDarkBesideOpen(sums_, chart_, texels_.width(), i); },
+        [&](std::size_t i, const Places& places, std::uint64_t address) {
+          std::uint32_t rays = 0;
+          out.buried[i] = hemisphere_.buried(*places.middle, address, rays);
+          return rays;
+        });
+    for (std::size_t i = 0; i < sums_.size(); ++i) {
+      out.buried[i] |= sums_[i].middle == Sums::Middle::Buried;
+      if (out.buried[i] != 0) out.cosine[i] = out.uniform[i] = out.error[i] = 0.0f;
+    }
+    unitAll(bent_);
+    out.bent = std::move(bent_);
+    return out;
+  }
+
+  double foretell() { return foretellRays(options_, sums_, poolOf_, pools_, cast()); }
+
+ private:
+  /// f(texel, its places, its random numbers' address) gives the rays it cast, for texels that are `wanted`; returns their sum.
+  template <class Wanted, class F>
+  std::uint64_t forTexels(const Run& part, const Wanted& wanted, const F& f) {
+    std::vector<std::uint64_t> rays(texels_.tileCount(), 0);
+    parallelFor(part, texels_.tileCount(), 1, [&](std::size_t t) {
+      const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
+      std::shared_ptr<const TexelTile> tile;
+      for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
+        const auto [x, y] = alongMorton(k);
+        if (x0 + x >= texels_.width() || y0 + y >= texels_.height()) continue;
+        const std::size_t i = std::size_t(y0 + y) * std::size_t(texels_.width()) + std::size_t(x0 + x);
+        if (!wanted(i)) continue;
+        if (!tile) tile = texels_.held(t);
+        const TexelSampler sampler(scene_, *tile, tile->at(x, y));
+        const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.at(glm::vec2(0.5f))};
+        rays[t] += f(i, places, addressOf(run_.seed, std::uint32_t(x0 + x), std::uint32_t(y0 + y)));
+      }
+    });
+    return std::accumulate(rays.begin(), rays.end(), std::uint64_t(0));
+  }
+
+  CastAll cast() {
+    return [this](std::span<const std::uint32_t> wanted, double from, double to) {
+      return forTexels(
+          run_.part(from, to), [&](std::size_t i) { return wanted[i] > sums_[i].rays; },
+          [&](std::size_t i, const Places& places, std::uint64_t address) {
+            glm::vec3* open = bent_.empty() ? nullptr : &bent_[i];
+            if (open && sums_[i].rays == 0) *open = kNextToNothing * glm::vec3(places.middle->normal);
+            return hemisphere_.cast(address, wanted[i], places, sums_[i], open);
+          });
+    };
+  }
+
+  const Scene& scene_;
+  const TexelMap& texels_;
+  std::span<const std::uint32_t> chart_;
+  const Options& options_;
+  const Run& run_;
+  const Hemisphere hemisphere_;
+  std::vector<std::uint32_t> poolOf_;
+  std::uint32_t pools_ = 0;
+  std::vector<Sums> sums_;
+  std::vector<glm::vec3> bent_;
+};
+
 }  // namespace
 
 Openness bakeMap(const Scene& scene, const TexelMap& texels, std::span<const std::uint32_t> chart, const Tracer& tracer,
                  const Options& options, const Run& run) {
-  const std::size_t n = chart.size();
-  std::vector<std::uint32_t> poolOf(n, kNone);
-  const std::uint32_t pools = makePools(chart, texels.width(), poolOf);
-  std::vector<Sums> sums(n);
-  std::vector<glm::vec3> bent(options.bent ? n : 0, glm::vec3(0.0f));
-  const Hemisphere hemisphere(tracer, options);
-  /// f(texel, its places, its random numbers' address) gives the rays it cast, for texels that are `wanted`; returns their sum.
-  const auto forTexels = [&](const Run& part, const auto& wanted, const auto& f) {
-    std::vector<std::uint64_t> rays(texels.tileCount(), 0);
-    parallelFor(part, texels.tileCount(), 1, [&](std::size_t t) {
-      const int x0 = int(t % std::size_t(texels.tilesX())) * kTile, y0 = int(t / std::size_t(texels.tilesX())) * kTile;
-      std::unique_ptr<TexelTile> tile;
-      for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
-        const auto [x, y] = alongMorton(k);
-        if (x0 + x >= texels.width() || y0 + y >= texels.height()) continue;
-        const std::size_t i = std::size_t(y0 + y) * std::size_t(texels.width()) + std::size_t(x0 + x);
-        if (!wanted(i)) continue;
-        if (!tile) tile = std::make_unique<TexelTile>(texels.texels(t));
-        const TexelSampler sampler(scene, *tile, tile->at(x, y));
-        const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.at(glm::vec2(0.5f))};
-        rays[t] += f(i, places, addressOf(run.seed, std::uint32_t(x0 + x), std::uint32_t(y0 + y)));
-      }
-    });
-    return std::accumulate(rays.begin(), rays.end(), std::uint64_t(0));
-  };
-  const auto cast = [&](std::span<const std::uint32_t> wanted, double from, double to) {
-    return forTexels(
-        run.part(from, to), [&](std::size_t i) { return wanted[i] > sums[i].rays; },
-        [&](std::size_t i, const Places& places, std::uint64_t address) {
-          glm::vec3* open = bent.empty() ? nullptr : &bent[i];
-          if (open && sums[i].rays == 0) *open = kNextToNothing * glm::vec3(places.middle->normal);
-          return hemisphere.cast(address, wanted[i], places, sums[i], open);
-        });
-  };
-  Openness out = castInRounds(options, sums, poolOf, pools, cast);
-  out.buried.assign(n, 0);
-  out.rays += forTexels(
-      run.part(1.0, 1.0), [&](std::size_t i) { return isDarkBesideOpen(sums, chart, texels.width(), i); },
-      [&](std::size_t i, const Places& places, std::uint64_t address) {
-        std::uint32_t rays = 0;
-        out.buried[i] = hemisphere.buried(*places.middle, address, rays);
-        return rays;
-      });
-  for (std::size_t i = 0; i < n; ++i) {
-    out.buried[i] |= sums[i].middle == Sums::Middle::Buried;
-    if (out.buried[i] != 0) out.cosine[i] = out.uniform[i] = out.error[i] = 0.0f;
-  }
-  out.bent = std::move(bent);
-  unitAll(out.bent);
-  return out;
+  return MapBaker(scene, texels, chart, tracer, options, run).bake();
+}
+
+double foretellMap(const Scene& scene, const TexelMap& texels, std::span<const std::uint32_t> chart, const Tracer& tracer,
+                   const Options& options, const Run& run) {
+  return MapBaker(scene, texels, chart, tracer, options, run).foretell();
 }
 
 std::vector<float> withoutRims(const Openness& openness, std::span<const std::uint32_t> chart, int width) {

@@ -25,6 +25,10 @@ using CastAll = std::function<std::uint64_t(std::span<const std::uint32_t> wante
 Openness castInRounds(const Options&, std::span<const Sums> sums, std::span<const std::uint32_t> poolOf, std::uint32_t poolCount,
                       const CastAll& cast);
 
+/// The rays that castInRounds is going to cast, both halves, from its pilot alone.
+double foretellRays(const Options&, std::span<const Sums> sums, std::span<const std::uint32_t> poolOf, std::uint32_t poolCount,
+                    const CastAll& cast);
+
 /// Sets Pool::wanted so that the predicted RMS over all entries is `error`, and nowhere above four times that, with the fewest rays. False
 /// when no pool wants more than it has.
 bool giveOut(std::vector<Pool>&, double error);

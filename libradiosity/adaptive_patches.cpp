@@ -53,7 +53,8 @@ PatchMesh makeAdaptivePatches(const Scene& scene, const Tracer& tracer, const Di
   const std::vector<Rgb> indirect = indirectOf(scene, tracer, direct, map, texels, std::move(mesh), quiet);
   std::vector<LightAt> light(indirect.size());
   parallelFor(quiet, texels.tileCount(), 1, [&](std::size_t t) {
-    const TexelTile tile = texels.texels(t);
+    const auto held = texels.held(t);
+    const TexelTile& tile = *held;
     for (int y = 0; y < tile.height; ++y)
       for (int x = 0; x < tile.width; ++x) {
         if (tile.at(x, y).fragmentCount == 0) continue;

@@ -104,7 +104,8 @@ LightMap startMap(const Scene& scene, const TexelMap& texels, const Run& run) {
   map.edge.assign(n, 0);
   map.rays.assign(n, 0);
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
-    const TexelTile tile = texels.texels(t);
+    const auto held = texels.held(t);
+    const TexelTile& tile = *held;
     for (int y = 0; y < tile.height; ++y)
       for (int x = 0; x < tile.width; ++x) {
         const Texel& texel = tile.at(x, y);
@@ -133,7 +134,7 @@ LightMapValues values(const LightMap& map, const Scene& scene) {
   return out;
 }
 
-ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail, double tailEstimate) {
+ErrorLedger ledger(const LightMap& map, const Scene& scene, const Omitted& omitted) {
   struct Sums {
     double texels = 0.0, gathered = 0.0, e = 0.0, bounced = 0.0, variance = 0.0, field2 = 0.0, interpolation2 = 0.0;
     void add(const Pool& p) {
@@ -168,20 +169,22 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, double tail, double 
   out.mean = level.mean();
   if (!(out.mean > 0.0)) return out;
   const double bouncedShare = level.bouncedMean() / out.mean;
-  out.tail = tail * bouncedShare;
-  out.tailEstimate = tailEstimate * bouncedShare;
+  out.tail = omitted.tail * bouncedShare;
+  out.tailEstimate = omitted.tailEstimate * bouncedShare;
+  out.leftOut = omitted.leftOut;
   out.noise = level.noise() / out.mean;
   out.field = level.field() / out.mean;
   out.interpolation = level.interpolation() / out.mean;
   out.estimate = std::sqrt(out.noise * out.noise + out.field * out.field + out.interpolation * out.interpolation) + out.tailEstimate;
   // Field noise shared by many texels is in both halves' difference only in part: the bound takes twice the field's share.
-  out.bound95 = level.noiseBound() / out.mean + out.interpolation + kFieldBound * out.field + out.tail;
+  out.bound95 = level.noiseBound() / out.mean + out.interpolation + kFieldBound * out.field + out.tail + out.leftOut;
   for (std::uint32_t o = 0; o < objects.size(); ++o) {
     if (objects[o].texels == 0.0) continue;
     const double against = std::max(objects[o].mean(), kDimRoom * out.mean);
-    const double bound =
-        (objects[o].noiseBound() + objects[o].interpolation() + kFieldBound * objects[o].field() + tail * objects[o].bouncedMean()) /
-        against;
+    const double bound = (objects[o].noiseBound() + objects[o].interpolation() + kFieldBound * objects[o].field() +
+                          omitted.tail * objects[o].bouncedMean()) /
+                             against +
+                         omitted.leftOutObject;
     if (bound > out.worstObject) {
       out.worstObject = bound;
       out.worstObjectId = o;

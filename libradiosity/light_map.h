@@ -45,6 +45,7 @@ struct ErrorLedger {
   double field = 0.0;          ///< RMS difference that patch size makes
   double tail = 0.0;           ///< upper bound of the light that stopping early leaves out
   double tailEstimate = 0.0;   ///< best guess of it
+  double leftOut = 0.0;        ///< upper bound of the effects that the plan left out
   double seams = 0.0;          ///< RMS distance by which closing seams moved texels: meant, so no part of the estimate and the bound
   double estimate = 0.0;       ///< best estimate of the relative RMS error
   double bound95 = 0.0;        ///< upper bound at 95 % confidence
@@ -58,6 +59,8 @@ struct MapOptions {
   double goal = 0.02;       ///< relative RMS error asked for
   bool interpolate = true;  ///< where light is smooth; else every texel is gathered
   double tail = 0.0;        ///< upper bound of the bounced light that the solution leaves out, as a share of it
+  double leftOut = 0.0;     ///< upper bound of what the plan leaves out, relative to the level's mean
+  double sampled = 1.0;     ///< share of the map's cells that are wanted: foretellHemisphere
 };
 
 /// Charts, objects and coverage of every texel.
@@ -67,14 +70,77 @@ LightMap startMap(const Scene&, const TexelMap&, const Run&);
 /// beside it.
 void bakeDirect(LightMap&, const Scene&, const TexelMap&, const DirectLight&, const MapOptions&, const Run&);
 
+/// What direct light gives the texels of an object: sums over them [lx, lx^2].
+struct ObjectLight {
+  /// Of the largest channel: light, and its square.
+  struct Sums {
+    double sum = 0.0, sum2 = 0.0;
+    void add(double e) {
+      sum += e;
+      sum2 += e * e;
+    }
+    Sums& operator+=(const Sums& o) {
+      sum += o.sum;
+      sum2 += o.sum2;
+      return *this;
+    }
+  };
+  double texels = 0.0;
+  double light = 0.0;   ///< as it is, mean over channels
+  Sums punctual, area;  ///< of lamps, of emitters, if nothing blocked them
+  Sums hidden;          ///< what shadows take away
+  ObjectLight& operator+=(const ObjectLight& o) {
+    texels += o.texels;
+    light += o.light;
+    punctual += o.punctual;
+    area += o.area;
+    hidden += o.hidden;
+    return *this;
+  }
+};
+
+/// What two places on every texel tell of the lights.
+struct DirectPilot {
+  /// Of one lamp: texels that it would light if nothing blocked it, sums of what it would give them [lx, lx^2].
+  struct Given {
+    double texels = 0.0, sum = 0.0, sum2 = 0.0;
+    void add(double most) {
+      texels += most > 0.0;
+      sum += most;
+      sum2 += most * most;
+    }
+  };
+  std::vector<Given> lights;         ///< one a punctual light; what groups stand for is not in it
+  std::vector<ObjectLight> objects;  ///< one an object
+  double rays = 0.0;                 ///< that bakeDirect is going to cast, about
+  DirectPilot& operator+=(const DirectPilot&);
+};
+
+/// One place of each half on every texel: fills `direct` and `edge` of the map.
+DirectPilot pilotDirect(LightMap&, const Scene&, const TexelMap&, const DirectLight&, const MapOptions&, const Run&);
+
 /// Hemisphere rays in rounds: a pilot at the corners of cells (map_cells.h), which are halved where light is not straight between them;
 /// then as many rays as the goal asks for, given out so that the fewest reach it, then at most two corrections of both. Counts are fixed
 /// between rounds from sums in a fixed order.
 void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&, const Run&);
 
+/// Hemisphere rays that bakeHemisphere is going to cast on the whole map.
+struct HemisphereForecast {
+  double rays = 0.0, standardError = 0.0;
+  double cast = 0.0;  ///< on the sample
+};
+/// bakeHemisphere on MapOptions::sampled of the map, whose other texels lose their charts.
+HemisphereForecast foretellHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&,
+                                      const Run&);
+
 LightMapValues values(const LightMap&, const Scene&);
-/// `tail`, `tailEstimate`: of the solution, as shares of the bounced light.
-ErrorLedger ledger(const LightMap&, const Scene&, double tail, double tailEstimate);
+/// What is not in the map, told by others.
+struct Omitted {
+  double tail = 0.0, tailEstimate = 0.0;  ///< of the solution, as shares of the bounced light
+  double leftOut = 0.0;                   ///< ErrorLedger::leftOut
+  double leftOutObject = 0.0;             ///< the same of any object, against max(its own mean, kDimRoom of the level's)
+};
+ErrorLedger ledger(const LightMap&, const Scene&, const Omitted&);
 
 /// The error that patches of a size leave, against the change of the map when light is read from patches of twice the size: 1/3 at second
 /// order, 1 at first, 0.6 to 1.3 as measured (docs/stages.md); and how far the bound goes above it.

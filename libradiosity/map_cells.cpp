@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <unordered_map>
 
 #include "libscene/parallel.h"
 
@@ -20,6 +21,9 @@ constexpr double kErrorOfBend = 1.0 / 12.0;
 constexpr double kSteep = 0.35;  // change from end to end, as a share of the larger, from which one halving that looks straight does not do
 constexpr double kNextHalving = 1.0 / 16.0;  // of a bend's square, where light is twice differentiable
 
+constexpr int kSampledBlock = 16;      // texels
+constexpr double kLeastBlocks = 24.0;   // of a sample
+
 enum Join : std::uint8_t { kRight = 1, kDown = 2 };
 
 /// Middles of texels in the level.
@@ -32,7 +36,8 @@ Middles middlesOf(const MapLayout& map, const Scene& scene, const TexelMap& texe
   m.position_m.resize(std::size_t(map.width) * std::size_t(map.height));
   m.normal.resize(m.position_m.size());
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
-    const TexelTile tile = texels.texels(t);
+    const auto held = texels.held(t);
+    const TexelTile& tile = *held;
     for (int y = 0; y < tile.height; ++y)
       for (int x = 0; x < tile.width; ++x) {
         if (tile.at(x, y).fragmentCount == 0) continue;
@@ -207,6 +212,93 @@ MapCells::MapCells(const MapLayout& map, const Scene& scene, const TexelMap& tex
     }
     row = std::move(next);
   }
+}
+
+std::size_t MapCells::blockOf(const Cell& c) const {
+  return std::size_t(c.y0 / kSampledBlock) * std::size_t((map_.width + kSampledBlock) / kSampledBlock) + std::size_t(c.x0 / kSampledBlock);
+}
+
+void MapCells::sample(double share, std::vector<std::uint32_t>& chart) {
+  if (cells_.empty()) {  // every texel is gathered
+    for (int y = 0; y < map_.height; ++y)
+      for (int x = 0; x < map_.width; ++x)
+        if (gathered_[index(x, y)]) cells_.push_back({x, y, x, y});
+    roots_ = std::uint32_t(cells_.size());
+  }
+  const auto forTexels = [&](const Cell& c, const auto& f) {
+    for (int y = c.y0; y <= c.y1; ++y)
+      for (int x = c.x0; x <= c.x1; ++x) f(index(x, y));
+  };
+  shared_.assign(gathered_.size(), 0);
+  for (std::uint32_t r = 0; r < roots_; ++r) {
+    forTexels(cells_[r], [&](std::size_t i) { shared_[i] = std::uint8_t(std::min(254, shared_[i] + 1)); });
+  }
+  // Whole blocks, whose points share guides and pools as in the map. From those of the smallest cells to those of the largest, evenly.
+  struct Block {
+    double texels = 0.0, roots = 0.0;
+    std::size_t id = 0;
+    bool taken = false;
+  };
+  std::vector<Block> blocks(blockOf({map_.width, map_.height, 0, 0}) + 1);
+  for (std::uint32_t r = 0; r < roots_; ++r) {
+    Block& b = blocks[blockOf(cells_[r])];
+    b.texels += double((cells_[r].x1 - cells_[r].x0 + 1) * (cells_[r].y1 - cells_[r].y0 + 1));
+    b.roots += 1.0;
+  }
+  std::vector<Block> order;
+  for (std::size_t k = 0; k < blocks.size(); ++k)
+    if (blocks[k].roots > 0.0) {
+      order.push_back(blocks[k]);
+      order.back().id = k;
+    }
+  std::ranges::stable_sort(order, {}, [](const Block& b) { return b.texels / b.roots; });
+  const double wanted = std::min(double(order.size()), std::max(kLeastBlocks, share * double(order.size())));
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    const double part = wanted / double(order.size());
+    blocks[order[k].id].taken = std::floor((double(k) + 1.0) * part + 0.5) > std::floor(double(k) * part + 0.5);
+  }
+  std::vector<Cell> cells;
+  for (std::uint32_t r = 0; r < roots_; ++r) {
+    if (!blocks[blockOf(cells_[r])].taken) continue;
+    cells.push_back(cells_[r]);
+  }
+  roots_ = std::uint32_t(cells.size());
+  const auto before = double(std::ranges::count(gathered_, std::uint8_t(1)));
+  for (std::size_t at = 0; at < cells.size(); ++at) {
+    if (cells[at].child == kNone) continue;
+    const std::uint32_t child = cells[at].child;
+    cells[at].child = std::uint32_t(cells.size());
+    cells.push_back(cells_[child]);
+    cells.push_back(cells_[child + 1]);
+  }
+  cells_ = std::move(cells);
+  std::ranges::fill(gathered_, std::uint8_t(0));
+  for (const Cell& c : cells_) add(c);
+  standsFor_ = before / estimate([](std::size_t) { return 1.0; }).sum;
+  std::vector<std::uint8_t> in(gathered_.size(), 0);
+  for (std::uint32_t r = 0; r < roots_; ++r) forTexels(cells_[r], [&](std::size_t i) { in[i] = 1; });
+  for (std::size_t i = 0; i < in.size(); ++i)
+    if (!in[i]) chart[i] = kNone;
+}
+
+MapCells::Estimate MapCells::estimate(const std::function<double(std::size_t texel)>& of) const {
+  // Blocks are what was drawn.
+  std::unordered_map<std::size_t, double> blocks;
+  Estimate out;
+  for (std::uint32_t r = 0; r < roots_; ++r) {
+    const Cell& c = cells_[r];
+    double sum = 0.0;
+    for (int y = c.y0; y <= c.y1; ++y)
+      for (int x = c.x0; x <= c.x1; ++x)
+        if (gathered_[index(x, y)]) sum += of(index(x, y)) / sharedBy(index(x, y));
+    blocks[blockOf(c)] += sum;
+    out.sum += standsFor_ * sum;
+  }
+  const double n = double(blocks.size()), mean = out.sum / (standsFor_ * std::max(1.0, n));
+  double squares = 0.0;
+  for (const auto& [id, sum] : blocks) squares += (sum - mean) * (sum - mean);
+  if (n > 1.0) out.standardError = standsFor_ * std::sqrt(squares * n / (n - 1.0) * (1.0 - 1.0 / standsFor_));
+  return out;
 }
 
 void MapCells::add(const Cell& c) {

@@ -58,6 +58,17 @@ class MapCells {
 
   static constexpr int kWidest = 16;  ///< texels of a cell before its first halving
 
+  /// For a forecast: keeps about `share` of the cells, spread evenly over the map and over cells of each size; where the rest was, `chart`
+  /// becomes kNone.
+  void sample(double share, std::vector<std::uint32_t>& chart);
+  /// Of a gathered texel of a sample: by how many cells of the whole map it is shared. 1 without a sample.
+  double sharedBy(std::size_t texel) const { return shared_.empty() ? 1.0 : double(shared_[texel]); }
+  /// Sum over the whole map of what is known of the sample's gathered texels.
+  struct Estimate {
+    double sum = 0.0, standardError = 0.0;
+  };
+  Estimate estimate(const std::function<double(std::size_t texel)>&) const;
+
  private:
   // What the light did when a cell's extent along an axis was halved: mean square of middle minus mean of the ends, and the part of it that
   // noise explains. A step can look straight at one halving, hardly at two: the one before counts as well.
@@ -69,6 +80,7 @@ class MapCells {
   struct Bend {
     Halving last, before;
   };
+  std::size_t blockOf(const Cell&) const;
   void add(const Cell&);
   void halve(std::uint32_t, bool alongY);
   bool whole(const Cell&, const std::vector<std::uint8_t>& joined) const;
@@ -81,6 +93,9 @@ class MapCells {
   std::vector<Cell> cells_;
   std::uint32_t roots_ = 0;
   std::vector<std::uint8_t> gathered_;
+  // Of a sample: how many roots of the whole map share each texel; by how much more it is than the sample.
+  std::vector<std::uint8_t> shared_;
+  double standsFor_ = 1.0;
 };
 
 }  // namespace lmc

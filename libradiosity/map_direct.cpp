@@ -13,6 +13,7 @@ namespace {
 
 constexpr std::uint32_t kPilotPlaces = 8;  // each half, on every texel that a light may reach
 
+constexpr std::size_t kPilotParts = 64;  // sums of a pilot
 constexpr std::uint32_t kMostPlaces = 128;
 constexpr std::size_t kDrawsAPlace = 2;  // of groups, at first
 constexpr std::size_t kPilotDraws = kDrawsAPlace * kPilotPlaces;
@@ -122,11 +123,37 @@ struct Part {
 /// Direct light of a tile.
 class TileDirect {
  public:
-  TileDirect(LightMap& map, const Scene& scene, const TexelTile& tile, const DirectLight& direct, double goal, std::uint64_t seed)
-      : map_(map), scene_(scene), tile_(tile), direct_(direct), goal_(goal), seed_(seed), cuts_(scene, tile, direct) {}
+  /// `places`: of each half of every texel at first.
+  TileDirect(LightMap& map, const Scene& scene, const TexelTile& tile, const DirectLight& direct, const MapOptions& options,
+             std::uint32_t places, std::uint64_t seed)
+      : map_(map),
+        scene_(scene),
+        tile_(tile),
+        direct_(direct),
+        goal_(options.goal),
+        places_(places),
+        seed_(seed),
+        cuts_(scene, tile, direct) {}
 
   void bake() {
-    if (cuts_.empty()) return;
+    if (!sample()) return;
+    forCovered(0, [&](int x, int y) { finish(x, y); });
+  }
+
+  /// The first places alone: what they give goes into the map, and what they tell of the lights into `out`.
+  void pilot(DirectPilot& out) {
+    const bool any = sample();
+    forCovered(0, [&](int x, int y) {
+      ObjectLight& object = out.objects[scene_.triangleObject[tile_.fragments[tile_.at(x, y).firstFragment].triangle]];
+      object.texels += 1.0;
+      if (any) foretell(x, y, out, object);
+    });
+  }
+
+ private:
+  /// False where no light reaches the tile.
+  bool sample() {
+    if (cuts_.empty()) return false;
     first_.assign(std::size_t(kSpan) * kSpan, 0);
     std::size_t count = 0;
     forCovered(kApron, [&](int x, int y) {
@@ -137,12 +164,11 @@ class TileDirect {
     parts_.resize(count);
     forCovered(kApron, [&](int x, int y) {
       Sampling s(*this, x, y);
-      for (std::size_t k = 0; k < partsOf(cuts_.of(x, y)); ++k) part(x, y, k) = s.part(k, kPilotPlaces, kPilotDraws);
+      for (std::size_t k = 0; k < partsOf(cuts_.of(x, y)); ++k) part(x, y, k) = s.part(k, places_, kDrawsAPlace * places_);
     });
-    forCovered(0, [&](int x, int y) { finish(x, y); });
+    return true;
   }
 
- private:
   /// One table of shares for the texels of a cut in a block: it would take longer to make than its draws.
   void shareGroups() {
     sharesOf_.assign(std::size_t(kSpan) * kSpan, kNone);
@@ -242,32 +268,45 @@ class TileDirect {
     return other.emitters.empty() ? Part::Nothing : part(x, y, other.punctual.size()).state;
   }
 
+  /// Sums over the parts of a texel.
+  struct Total {
+    double light = 0.0, unshadowed = 0.0;
+    /// What errors of its parts count against.
+    double against() const { return std::max(light, kDeepShadow * unshadowed); }
+  };
+  Total totalOf(int x, int y) {
+    Total out;
+    for (std::size_t k = 0; k < partsOf(cuts_.of(x, y)); ++k) {
+      const Part& p = part(x, y, k);
+      out.light += p.light();
+      out.unshadowed += double(p.unshadowed);
+    }
+    return out;
+  }
+
+  /// Places, each half, for a part that is not settled: a faint light needs fewer for the same error.
+  std::uint32_t placesFor(const Part& p, const Total& total) const {
+    const double most = edgePlaces(goal_);
+    const double wish = most * std::pow(std::min(1.0, double(p.unshadowed) / (kStrong * total.against())), 1.0 / kSamplingExponent);
+    return std::uint32_t(std::min(most, std::exp2(std::ceil(std::log2(std::max(1.0, wish))))));
+  }
+
   void finish(int x, int y) {
     const LightCut& cut = cuts_.of(x, y);
-    const std::size_t n = partsOf(cut);
-    double total = 0.0, unshadowed = 0.0;
-    for (std::size_t k = 0; k < n; ++k) {
-      const Part& p = part(x, y, k);
-      total += p.light();
-      unshadowed += double(p.unshadowed);
-    }
-    const double against = std::max(total, kDeepShadow * unshadowed);
-    const std::uint32_t most = edgePlaces(goal_);
+    const Total total = totalOf(x, y);
     std::array<Rgb, 2> sum{Rgb(0.0f), Rgb(0.0f)};
     std::optional<Sampling> more;
     const auto sampling = [&]() -> Sampling& { return more ? *more : more.emplace(*this, x, y); };
     bool edge = false;
-    for (std::size_t k = 0; k < n; ++k) {
+    for (std::size_t k = 0; k < partsOf(cut); ++k) {
       Part p = part(x, y, k);
       if (isGroups(cut, k)) {
-        edge = edge || stepsOf(x, y) > kStep * total;
-        const std::size_t draws = drawsFor(x, y, total - p.light());
+        edge = edge || stepsOf(x, y) > kStep * total.light;
+        const std::size_t draws = drawsFor(x, y, total.light - p.light());
         if (draws > kPilotDraws) p = sampling().part(k, std::uint32_t(std::min(draws / kDrawsAPlace, std::size_t(kMostPlaces))), draws);
-      } else if (!settled(x, y, k, total)) {
+      } else if (!settled(x, y, k, total.light)) {
         edge = true;
-        // A faint light needs fewer places for the same error.
-        const double wish = double(most) * std::pow(std::min(1.0, double(p.unshadowed) / (kStrong * against)), 1.0 / kSamplingExponent);
-        const auto places = std::uint32_t(std::min(double(most), std::exp2(std::ceil(std::log2(std::max(1.0, wish))))));
+        const std::uint32_t places = placesFor(p, total);
         if (places > kPilotPlaces) p = sampling().part(k, places, 0);
       }
       for (std::size_t h = 0; h < 2; ++h) sum[h] += p.half[h];
@@ -275,6 +314,44 @@ class TileDirect {
     const std::size_t i = map_.index(tile_, x, y);
     map_.edge[i] = edge;
     for (std::size_t h = 0; h < 2; ++h) map_.direct[h][i] = sum[h];
+  }
+
+  /// A texel of the pilot.
+  void foretell(int x, int y, DirectPilot& out, ObjectLight& object) {
+    const LightCut& cut = cuts_.of(x, y);
+    const Total total = totalOf(x, y);
+    std::array<Rgb, 2> sum{Rgb(0.0f), Rgb(0.0f)};
+    double punctual = 0.0, area = 0.0, hidden = 0.0;
+    bool edge = false;
+    for (std::size_t k = 0; k < partsOf(cut); ++k) {
+      const Part& p = part(x, y, k);
+      const auto most = double(p.unshadowed);
+      hidden += std::max(0.0, most - p.light());
+      const bool groups = isGroups(cut, k);
+      // Groups are of either kind: they count as both.
+      if (k < cut.punctual.size() || groups) punctual += most;
+      if (k >= cut.punctual.size()) area += most;
+      if (groups) {
+        const std::size_t draws = drawsFor(x, y, total.light - p.light());
+        out.rays += 2.0 * double(draws > kPilotDraws ? kPilotDraws + draws : kPilotDraws);
+      } else {
+        if (k < cut.punctual.size()) out.lights[cut.punctual[k]].add(most);
+        if (most > 0.0) out.rays += 2.0 * kPilotPlaces;
+        if (!plain(x, y, k)) {
+          edge = true;
+          if (const std::uint32_t places = placesFor(p, total); places > kPilotPlaces) out.rays += 2.0 * places;
+        }
+      }
+      for (std::size_t h = 0; h < 2; ++h) sum[h] += p.half[h];
+    }
+    const std::size_t i = map_.index(tile_, x, y);
+    map_.edge[i] = edge;
+    for (std::size_t h = 0; h < 2; ++h) map_.direct[h][i] = sum[h];
+    const Rgb mean = 0.5f * (sum[0] + sum[1]);
+    object.light += (double(mean.r) + double(mean.g) + double(mean.b)) / 3.0;
+    object.punctual.add(punctual);
+    object.area.add(area);
+    object.hidden.add(hidden);
   }
 
   /// Calls f(groups there, dx, dy) for the texels within `reach` on the same chart whose cut has groups; the texel itself is one of them.
@@ -300,11 +377,12 @@ class TileDirect {
       unshadowed += double(p.unshadowed);
       texels += 1.0;
     });
-    if (!(squares > 0.0)) return kPilotDraws;
+    const auto cast = double(kDrawsAPlace * places_);
+    if (!(squares > 0.0)) return std::size_t(cast);
     const double against = others + std::max(light, kDeepShadow * unshadowed) / texels;
     const double excess = std::sqrt(squares / texels) / (kGroupNoise * goal_ * against);
-    const double wish = double(kPilotDraws) * std::pow(excess, 1.0 / kSamplingExponent);
-    return std::size_t(std::clamp(std::exp2(std::round(std::log2(wish))), double(kPilotDraws), double(kMostDraws)));
+    const double wish = cast * std::pow(excess, 1.0 / kSamplingExponent);
+    return std::size_t(std::clamp(std::exp2(std::round(std::log2(wish))), cast, double(kMostDraws)));
   }
 
   /// By how much the light of the groups steps from a texel to its neighbours.
@@ -318,8 +396,14 @@ class TileDirect {
   /// Few places prove little: a light is taken as plainly seen or hidden only when the texel's neighbours on the chart say the same.
   bool settled(int x, int y, std::size_t k, double total) {
     const Part& p = part(x, y, k);
+    return p.state == Part::Nothing || (double(strength(glm::abs(p.half[0] - p.half[1]))) <= goal_ * total && plain(x, y, k));
+  }
+
+  /// Seen from all places of the texel and its neighbours, or from none.
+  bool plain(int x, int y, std::size_t k) {
+    const Part& p = part(x, y, k);
     if (p.state == Part::Nothing) return true;
-    if (p.state == Part::Mixed || double(strength(glm::abs(p.half[0] - p.half[1]))) > goal_ * total) return false;
+    if (p.state == Part::Mixed) return false;
     const LightCut& cut = cuts_.of(x, y);
     for (int dy = -1; dy <= 1; ++dy)
       for (int dx = -1; dx <= 1; ++dx) {
@@ -336,6 +420,7 @@ class TileDirect {
   const TexelTile& tile_;
   const DirectLight& direct_;
   double goal_;
+  std::uint32_t places_;
   std::uint64_t seed_;
   TileCuts cuts_;
   std::vector<std::size_t> first_;
@@ -350,9 +435,39 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
                 const Run& run) {
   if (!direct.any()) return;
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
-    const TexelTile tile = texels.texels(t);
-    if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options.goal, run.seed).bake();
+    const auto held = texels.held(t);
+    const TexelTile& tile = *held;
+    if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options, kPilotPlaces, run.seed).bake();
   });
+}
+
+DirectPilot pilotDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
+                        const Run& run) {
+  DirectPilot none;
+  none.lights.resize(scene.lights.size());
+  none.objects.resize(scene.objects.size());
+  std::vector<DirectPilot> tiles(std::min(texels.tileCount(), kPilotParts), none);
+  // Few sums, each over tiles in order.
+  parallelFor(run, tiles.size(), 1, [&](std::size_t p) {
+    for (std::size_t t = p; t < texels.tileCount(); t += tiles.size()) {
+      const auto held = texels.held(t);
+      const TexelTile& tile = *held;
+      if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options, 1, run.seed).pilot(tiles[p]);
+    }
+  });
+  for (const DirectPilot& p : tiles) none += p;
+  return none;
+}
+
+DirectPilot& DirectPilot::operator+=(const DirectPilot& o) {
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    lights[i].texels += o.lights[i].texels;
+    lights[i].sum += o.lights[i].sum;
+    lights[i].sum2 += o.lights[i].sum2;
+  }
+  for (std::size_t i = 0; i < objects.size(); ++i) objects[i] += o.objects[i];
+  rays += o.rays;
+  return *this;
 }
 
 }  // namespace lmc

@@ -22,6 +22,7 @@ constexpr double kMeanRaysAtTwoPercent = 1024.0;
 constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
 constexpr double kBudget = 0.95;             // of the goal: what is foretold wavers
 constexpr double kObjectBudget = 0.9;        // of an object's: estimates of small ones waver more
+constexpr double kUsualField = 0.12;         // of the goal: what the bound of patches takes in most levels
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
@@ -70,6 +71,7 @@ class HemisphereBaker {
     }
     map.coarse.assign(map.size(), Rgb(0.0f));
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
+    if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
     static_assert(kTile % kGuideBlock == 0);
     guideOf_.assign(map.size(), kNone);
     std::unordered_map<std::uint64_t, std::uint32_t> known;
@@ -82,15 +84,7 @@ class HemisphereBaker {
   }
 
   void bake() {
-    wish(kPilotRays);
-    cast(0.0, 0.1);
-    makePools();
-    double done = 0.1;
-    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
-      cast(done, done + 0.02);
-      done += 0.02;
-      makePools();
-    }
+    double done = pilot();
     for (int correction = 0; correction <= kMaxCorrections; ++correction) {
       giveOut();
       const double next = correction == 0 ? 0.85 : 0.5 * (1.0 + done);
@@ -111,7 +105,31 @@ class HemisphereBaker {
     run_.progress(1.0);
   }
 
+  /// What the map would have got, when this one is a sample of it.
+  HemisphereForecast forecast() const {
+    HemisphereForecast out;
+    const auto rays = cells_.estimate([this](std::size_t i) { return 2.0 * map_.rays[i]; });
+    out.rays = rays.sum;
+    out.standardError = rays.standardError;
+    for (const std::uint32_t n : map_.rays) out.cast += 2.0 * n;
+    return out;
+  }
+
  private:
+  /// Rays that tell how hard each neighbourhood is, and cells halved where light bends; the share of the work that this is.
+  double pilot() {
+    double done = 0.1;
+    wish(kPilotRays);
+    cast(0.0, done);
+    makePools();
+    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+      cast(done, done + 0.02);
+      done += 0.02;
+      makePools();
+    }
+    return done;
+  }
+
   // While rays are cast, bounced, sky and coarse of the map are sums over rays (coarse: of both halves).
   glm::dvec3 half(std::size_t i, std::size_t h) const {
     const double n = map_.rays[i];
@@ -140,14 +158,14 @@ class HemisphereBaker {
     if (!any) return false;
     parallelFor(run_.part(from, to), texels_.tileCount(), 1, [&](std::size_t t) {
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
-      std::unique_ptr<TexelTile> tile;
+      std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
         const auto [x, y] = alongMorton(k);
         if (x0 + x >= map_.width || y0 + y >= map_.height) continue;
         const std::size_t i = std::size_t(y0 + y) * std::size_t(map_.width) + std::size_t(x0 + x);
         const std::uint32_t begin = map_.rays[i], end = wanted_[i];
         if (end <= begin) continue;
-        if (!tile) tile = std::make_unique<TexelTile>(texels_.texels(t));
+        if (!tile) tile = texels_.held(t);
         for (int h = 0; h < 2; ++h) {
           const Gathered g = gather_.rays(*tile, x, y, h, begin, end, guides_[guideOf_[i]]);
           map_.bounced[std::size_t(h)][i] += Rgb(g.bounced);
@@ -166,8 +184,8 @@ class HemisphereBaker {
     std::vector<float> spoken(map_.size(), 0.0f), influence(map_.size(), 0.0f), sum(map_.size(), 0.0f);
     for (std::size_t i = 0; i < map_.size(); ++i)
       if (cells_.gathered(i)) {
-        spoken[i] = influence[i] = 1.0f;
-        sum[i] = float(mean3(direct(i) + illuminance(i)));
+        spoken[i] = influence[i] = float(1.0 / cells_.sharedBy(i));
+        sum[i] = spoken[i] * float(mean3(direct(i) + illuminance(i)));
       }
     cells_.forInterpolated([&](std::size_t i, const MapCells::Corners& corners, const MapCells::Weights& weights) {
       const double d = mean3(direct(i));
@@ -198,11 +216,12 @@ class HemisphereBaker {
       Pool& p = pools_[it->second];
       poolOf_[i] = it->second;
       const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
-      p.points += 1.0;
+      const double own = 1.0 / cells_.sharedBy(i);
+      p.points += own;
       p.texels += double(spoken[i]);
-      p.rays += map_.rays[i];
+      p.rays += own * map_.rays[i];
       // Few rays seldom meet what is rare and bright: those with many have the say.
-      p.variance1 += mean3(d * d) * std::pow(double(map_.rays[i]), 1.0 + 2.0 * kSobolExponent);
+      p.variance1 += own * mean3(d * d) * std::pow(double(map_.rays[i]), 1.0 + 2.0 * kSobolExponent);
       p.influence += double(influence[i]);
       p.illuminance += double(sum[i]);
       const glm::dvec3 bounced = bouncedOf(i);
@@ -300,9 +319,12 @@ class HemisphereBaker {
         field2 += p.texels * mean3(p.drift * p.drift);
         bounced += p.texels * p.bounced;
       }
-      const double others = std::sqrt(interpolation2Sum / texelsOf) + kFieldBound * kFieldShare * std::sqrt(field2 / spoken) +
-                            options_.tail * bounced / spoken;
-      const double noise = std::max((budget - others) / noise95(points), kLeastNoise * budget);
+      // A sample's drift is mostly noise, and that of coarser patches than the bake's.
+      const double field =
+          options_.sampled < 1.0 ? kUsualField * options_.goal * mean_ : kFieldBound * kFieldShare * std::sqrt(field2 / spoken);
+      const double others = std::sqrt(interpolation2Sum / texelsOf) + field +
+                            options_.tail * bounced / spoken + options_.leftOut * mean_;
+      const double noise = std::max((budget - others) / noise95(points / options_.sampled), kLeastNoise * budget);
       return std::max(noise * noise - directVarianceOf, 0.5 * noise * noise);
     };
 
@@ -423,6 +445,13 @@ class HemisphereBaker {
 void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer, const Gather& gather,
                     const MapOptions& options, const Run& run) {
   HemisphereBaker(map, scene, texels, tracer, gather, options, run).bake();
+}
+
+HemisphereForecast foretellHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer,
+                                      const Gather& gather, const MapOptions& options, const Run& run) {
+  HemisphereBaker sample(map, scene, texels, tracer, gather, options, run);
+  sample.bake();
+  return sample.forecast();
 }
 
 }  // namespace lmc

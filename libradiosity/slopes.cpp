@@ -17,7 +17,8 @@ constexpr double kRidge =
 TexelPatches::TexelPatches(const Scene& scene, const PatchMesh& mesh, const TexelMap& texels, const Run& run)
     : patch(std::size_t(texels.width()) * std::size_t(texels.height()), kNone), position_m(patch.size(), glm::vec3(0.0f)) {
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t tileIndex) {
-    const TexelTile tile = texels.texels(tileIndex);
+    const auto held = texels.held(tileIndex);
+    const TexelTile& tile = *held;
     for (int y = 0; y < tile.height; ++y)
       for (int x = 0; x < tile.width; ++x) {
         if (tile.at(x, y).fragmentCount == 0) continue;

@@ -167,6 +167,28 @@ TexelMap::TexelMap(const Scene& scene, const Charts& charts, int side, int maps)
   forTiles([&](std::size_t tile, std::uint32_t t) { triangles_[next[tile]++] = t; });
 }
 
+std::shared_ptr<const TexelTile> TexelMap::held(std::size_t tile) const {
+  {
+    const std::lock_guard lock(mutex_);
+    if (tile < kept_.size() && kept_[tile]) return kept_[tile];
+  }
+  auto made = std::make_shared<TexelTile>(texels(tile));
+  made->texels.shrink_to_fit();
+  made->fragments.shrink_to_fit();
+  made->corners.shrink_to_fit();
+  const std::uint64_t bytes =
+      made->texels.size() * sizeof(Texel) + made->fragments.size() * sizeof(Fragment) + made->corners.size() * sizeof(glm::dvec2);
+  const std::lock_guard lock(mutex_);
+  if (kept_bytes_ + bytes <= mayKeep_bytes_) {
+    kept_.resize(tileCount());
+    if (!kept_[tile]) {
+      kept_[tile] = made;
+      kept_bytes_ += bytes;
+    }
+  }
+  return made;
+}
+
 TexelTile TexelMap::texels(std::size_t tileIndex) const {
   TexelTile tile;
   tile.x0 = int(tileIndex % std::size_t(tilesX())) * kTile;

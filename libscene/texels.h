@@ -1,6 +1,8 @@
 #pragma once
 /// Texels of a light map, made tile by tile on demand: which part of the texel's square its chart covers, and places to sample in it.
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <utility>
 #include <vector>
 
@@ -100,12 +102,19 @@ class TexelMap {
   std::size_t tileCount() const { return std::size_t(tilesX()) * std::size_t(tilesY()); }
   /// Where two charts meet in a texel, the one that covers more of it (the lower number where they tie) has it.
   TexelTile texels(std::size_t tile) const;
+  /// The same; stages come back to a tile many times, and find it as it was while all that are kept fit into keepAtMost(). Thread-safe.
+  std::shared_ptr<const TexelTile> held(std::size_t tile) const;
+  void keepAtMost(std::uint64_t bytes) { mayKeep_bytes_ = bytes; }
 
  private:
   const Scene& scene_;
   const Charts& charts_;
   int width_, height_;
   std::vector<std::uint32_t> first_, triangles_;  // per tile (apron included): its triangles
+  std::uint64_t mayKeep_bytes_ = 0;
+  mutable std::mutex mutex_;  // of what follows
+  mutable std::uint64_t kept_bytes_ = 0;
+  mutable std::vector<std::shared_ptr<const TexelTile>> kept_;
 };
 
 }  // namespace lmc

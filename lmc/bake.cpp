@@ -7,7 +7,9 @@
 #include <chrono>
 
 #include "libscene/parallel.h"
+#include "lmc/explain.h"
 #include "lmc/outputs.h"
+#include "lmc/plan_report.h"
 #include "lmc/report.h"
 
 namespace lmc {
@@ -103,7 +105,10 @@ Exit bake(const BakeOptions& options) {
     b.run.progress(1.0);  // the last moment to stop
     if (dependencies) dependencies->commit();
     outputs->commit();
-    if (options.json) fmt::print("{}\n", report.dump(2));
+    if (options.json)
+      fmt::print("{}\n", report.dump(2));
+    else if (options.explain)
+      fmt::print("{}", explainText(b.explained));
     if (options.progress != ProgressKind::None && options.progress != ProgressKind::Json)
       progress.say(fmt::format("baked {} in {:.1f} s ({:.1f} CPU s, {:.0f} MB): error {}, at most {} (goal {})", options.out.string(),
                                double(report["seconds"]), double(report["cpu_seconds"]), double(peakBytes()) / 1e6,
@@ -116,19 +121,19 @@ Exit showPlan(const PlanOptions& options) {
   Progress progress(ProgressKind::None);
   Spoken spoken;
   Bake b(options.bake, makeRun(options.bake, progress, spoken));
-  load(b);
-  plan(b);
-  const auto hasUvs = [](const Object& o) { return !o.receive || o.inMap || o.triangleCount == 0; };
-  if (std::ranges::all_of(b.scene.objects, hasUvs)) {
-    b.facts.smoothSeams = findSeams(b.scene).smooth.size();
-    b.plan = makePlan(options.bake.effects, b.facts);
-  }
-  if (options.bake.json) {
-    fmt::print("{}\n", nlohmann::ordered_json{{"plan", planOf(b.plan)}}.dump(2));
-    return Exit::Done;
-  }
-  fmt::print("{:<8} {:<5} {}\n", "effect", "runs", "because");
-  for (const Step& s : b.plan.steps) fmt::print("{:<8} {:<5} {}\n", kEffectNames[std::size_t(s.effect)], s.run ? "run" : "skip", s.because);
+  withThreads(b.run, [&] {
+    for (const StageRow& stage : kStages) {
+      perform(stage, b, progress, spoken, 0.0);
+      if (stage.work == pilot) break;
+    }
+  });
+  if (options.bake.json)
+    fmt::print(
+        "{}\n",
+        nlohmann::ordered_json{{"plan", planOf(b, spoken.stages)}, {"forecast", forecastOf(b, spoken.stages)}, {"facts", factsOf(b)}}.dump(
+            2));
+  else
+    fmt::print("{}", planText(b, spoken.stages));
   return Exit::Done;
 }
 

@@ -105,7 +105,7 @@ Baked bakeScene(const Scene& scene, const BakeSceneOptions& o) {
       bakeHemisphere(out.map, scene, texels, tracer, Gather(scene, tracer, direct, field.get(), true, run.seed),
                      {o.goal, o.interpolate, out.solution.tail}, run);
     out.values = values(out.map, scene);
-    out.ledger = ledger(out.map, scene, out.solution.tail, out.solution.tailEstimate);
+    out.ledger = ledger(out.map, scene, {out.solution.tail, out.solution.tailEstimate});
     out.coverage = coverageOf(texels);
     out.patches = mesh.patches.size();
     out.places.resize(o.places.size());

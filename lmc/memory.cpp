@@ -24,6 +24,7 @@ constexpr double kPatchesPerSquare = 3.0;
 constexpr double kSquaresAtTwoPercent = 3000.0;
 constexpr std::uint64_t kPatchOfLinks = 3000;  // 25 links a patch, those of the round before beside them
 constexpr std::uint64_t kDensePair = 12;
+constexpr std::uint64_t kMostTiles = 128 << 20;  // that are kept
 
 template <class T>
 std::uint64_t bytes(const std::vector<T>& v) {
@@ -55,7 +56,9 @@ MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int ma
   out.limit_bytes = o.memory_bytes > 0 ? o.memory_bytes : machine_bytes;
   out.wanted_bytes = base + kTexel * texels;
   out.least_bytes = base + kTexelCompact * texels;
-  const std::uint64_t beside = base + kTexelSolve * texels;
+  // Half of what is to spare: the more so as the rest of the machine wants something, too.
+  out.tiles_bytes = out.limit_bytes > out.wanted_bytes ? std::min(kMostTiles, (out.limit_bytes - out.wanted_bytes) / 2) : 0;
+  const std::uint64_t beside = base + kTexelSolve * texels + out.tiles_bytes;
   out.rays_bytes = out.limit_bytes > beside ? out.limit_bytes - beside : 0;
   return out;
 }

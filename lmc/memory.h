@@ -9,6 +9,7 @@ struct MemoryPlan {
   std::uint64_t least_bytes = 0;   ///< below it the bake is refused
   std::uint64_t wanted_bytes = 0;  ///< what it takes at full speed, stored rays apart
   std::uint64_t rays_bytes = 0;    ///< left for stored rays while they are needed
+  std::uint64_t tiles_bytes = 0;   ///< for tiles that are kept between stages
   bool compactField() const { return limit_bytes < wanted_bytes; }
 };
 

@@ -434,6 +434,22 @@ Command parseCommandLine(int argc, const char* const* argv) {
           },
           "limit such as 512M or 2G [default: what the machine has]; never changes a result, exit code 8 where less than the least")
       ->type_name("SIZE");
+  bakeApp
+      ->add_option_function<std::string>(
+          "--explain",
+          [&bake](const std::string& t) {
+            const std::size_t count = std::ranges::count(t, ',') == 2 ? 3 : 2;
+            const auto v = numbers(t, count, "--explain", "a texel X,Y or X,Y,MAP");
+            std::array<int, 3> texel{0, 0, 0};
+            for (std::size_t i = 0; i < count; ++i) {
+              if (v[i] < 0 || v[i] > 1e6 || v[i] != std::floor(v[i]))
+                throw CLI::ValidationError("--explain", "'" + t + "' is no texel X,Y or X,Y,MAP");
+              texel[i] = int(v[i]);
+            }
+            bake.explain = texel;
+          },
+          "also say which lights, surfaces and sky made a texel, and what stands in their way (row 0 is the top)")
+      ->type_name("X,Y[,MAP]");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp
@@ -444,7 +460,8 @@ Command parseCommandLine(int argc, const char* const* argv) {
       ->type_name("KIND");
 
   PlanOptions plan;
-  CLI::App* planApp = app.add_subcommand("plan", "say which effects a bake would simulate, and why; writes nothing");
+  CLI::App* planApp =
+      app.add_subcommand("plan", "say which effects a bake would simulate, why, what each is worth and going to cost; writes nothing");
   addLevelOptions(planApp, plan.bake);
   planApp->add_flag("--json", plan.bake.json, "print the plan as JSON");
 

@@ -1,5 +1,6 @@
 #pragma once
 /// The command line as values. Every complaint is an Error Usage in words; --help is made from the same table.
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -25,14 +26,15 @@ enum class Solver { Auto, Stored, Hierarchical, Dense, Shooting };
 
 struct BakeOptions {
   std::filesystem::path level, out;
-  double goal = 0.02;            ///< relative RMS error asked for
-  bool goalIsExplicit = false;   ///< then missing it is exit code 5
-  std::string effects = "auto";  ///< auto, a LIST, or +x,-y
-  int passes = 0;                ///< bounces at most; 0 = until the light left is negligible
-  double bounceTail = 0.0;       ///< end the passes when what is unsent can add no more than this share; 0 = from the goal
-  bool snapshot = false;         ///< a map after each pass
-  bool dumpPatches = false;      ///< patches.obj and patches.png
-  bool dumpSeams = false;        ///< seams.png
+  double goal = 0.02;                         ///< relative RMS error asked for
+  bool goalIsExplicit = false;                ///< then missing it is exit code 5
+  std::string effects = "auto";               ///< auto, a LIST, or +x,-y
+  int passes = 0;                             ///< bounces at most; 0 = until the light left is negligible
+  double bounceTail = 0.0;                    ///< end the passes when what is unsent can add no more than this share; 0 = from the goal
+  bool snapshot = false;                      ///< a map after each pass
+  bool dumpPatches = false;                   ///< patches.obj and patches.png
+  bool dumpSeams = false;                     ///< seams.png
+  std::optional<std::array<int, 3>> explain;  ///< x, y and map of a texel whose light is told apart
   Solver solver = Solver::Auto;
   double patchSize_m = 0.0;  ///< 0 = from the goal and the level
   std::uint32_t maxPatches = 200000;

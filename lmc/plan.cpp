@@ -3,9 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
-#include "libradiosity/emitters.h"
+#include "libradiosity/light_map.h"
 #include "libscene/error.h"
 
 namespace lmc {
@@ -27,7 +28,11 @@ Step automatic(Effect effect, const Facts& f) {
       return step(false, f.darkLights > 0 ? "every light has intensity 0" : "no punctual lights");
     case Effect::Shadow:
       if (punctual + f.emissiveTriangles == 0) return step(false, "no light that could be blocked but the sky");
-      return f.blockers > 0 ? step(true, fmt::format("{} triangles cast shadows", f.blockers)) : step(false, "nothing casts a shadow");
+      if (f.blockers == 0) return step(false, "nothing casts a shadow");
+      if (f.shape == Shape::Flat || f.shape == Shape::SeenFromOutside) return onlyIfAsked("no surface stands in front of another");
+      if (f.shape == Shape::SeenFromInside && f.lampsInFront)
+        return onlyIfAsked("the level is convex and all lamps are in it: nothing stands in between");
+      return step(true, fmt::format("{} triangles cast shadows", f.blockers));
     case Effect::Area:
       return f.emissiveTriangles > 0 ? step(true, fmt::format("{} emissive triangles", f.emissiveTriangles))
                                      : step(false, "no emissive surfaces");
@@ -37,9 +42,12 @@ Step automatic(Effect effect, const Facts& f) {
       if (!f.lit()) return step(false, "no light to bounce");
       if (f.largestReflectance <= 0.0f) return step(false, "every surface has albedo 0");
       if (f.blockers == 0) return step(false, "no surface that light could come back from");
+      if (f.shape == Shape::Flat || f.shape == Shape::SeenFromOutside) return onlyIfAsked("no surface faces another");
       return step(true, fmt::format("surfaces reflect up to {:.3g}", f.largestReflectance));
     case Effect::Ao:
       if (f.blockers == 0) return step(false, "nothing casts a shadow: all is open");
+      if (f.shape == Shape::Flat || f.shape == Shape::SeenFromOutside)
+        return onlyIfAsked("no surface stands in front of another: all is open");
       return f.lit() ? step(true, "the level has light") : onlyIfAsked("no light");
     case Effect::Bent:
       return f.blockers == 0 ? step(false, "nothing casts a shadow: they are the normals") : onlyIfAsked("not asked for (--bent)");
@@ -55,61 +63,57 @@ Step automatic(Effect effect, const Facts& f) {
 }
 
 std::optional<Effect> effectNamed(std::string_view name) {
-  for (std::size_t i = 0; i < std::size(kEffectNames); ++i)
+  for (std::size_t i = 0; i < kEffects; ++i)
     if (name == kEffectNames[i]) return Effect(i);
   return std::nullopt;
 }
 
-}  // namespace
-
-Facts factsOf(const Scene& scene) {
-  Facts f;
-  for (const Light& l : scene.lights) {
-    if (strength(l.intensity) <= 0.0f)
-      ++f.darkLights;
-    else if (l.kind == Light::Kind::Point)
-      ++f.pointLights;
-    else if (l.kind == Light::Kind::Spot)
-      ++f.spotLights;
-    else
-      ++f.directionalLights;
+/// The weakest first, as long as all that is left out fits.
+void leaveOutWeak(Plan& plan, const std::vector<std::optional<bool>>& wish, double goal) {
+  std::vector<Step*> weak;
+  for (Step& step : plan.steps)
+    if (step.run && step.light.known && !wish[std::size_t(step.effect)]) weak.push_back(&step);
+  std::ranges::stable_sort(weak, {}, [](const Step* s) { return s->light.bound; });
+  for (Step* step : weak) {
+    const double level = plan.leftOut + step->light.bound, object = plan.leftOutObject + step->light.object;
+    if (level > kLeftOutShare * goal || object > kLeftOutShare * kObjectLimit * goal) continue;
+    plan.leftOut = level;
+    plan.leftOutObject = object;
+    step->run = false;
+    step->tooWeak = true;
+    step->because = fmt::format("at most {:.2g} % of the level's light, {:.2g} % of an object's: too little for a goal of {:.3g} %",
+                                100.0 * step->light.bound, 100.0 * step->light.object, 100.0 * goal);
   }
-  f.sky = strength(scene.sky) > 0.0f;
-  for (const Material& m : scene.materials) f.tangentMaterials += m.wantsTangents;
-  for (const Object& o : scene.objects) {
-    const Material& m = scene.materials[o.material];
-    if (o.triangleCount == 0) continue;
-    f.receivers += o.receive;
-    if (strength(m.emission) > 0.0f) f.emissiveTriangles += o.triangleCount;
-    if (!o.cast || !m.opaqueToLight()) continue;
-    f.blockers += o.triangleCount;
-    // COLOR_0 and textures only take away from the factor.
-    f.largestReflectance = std::max(f.largestReflectance, strength(Rgb(m.baseColor)) * (m.metallicTexture ? 1.0f : 1.0f - m.metallic));
-  }
-  return f;
 }
 
-Plan makePlan(const std::string& effects, const Facts& facts) {
-  Plan plan;
-  for (std::size_t i = 0; i < std::size(kEffectNames); ++i) plan.steps.push_back(automatic(Effect(i), facts));
-  if (effects == "auto") return plan;
+}  // namespace
 
-  std::vector<std::string> words;
-  for (std::size_t at = 0; at <= effects.size();) {
-    const std::size_t comma = std::min(effects.find(',', at), effects.size());
-    words.push_back(effects.substr(at, comma - at));
-    at = comma + 1;
+Plan makePlan(const PlanRequest& request, const Facts& facts) {
+  const std::string& effects = request.effects;
+  Plan plan;
+  for (std::size_t i = 0; i < kEffects; ++i) {
+    plan.steps.push_back(automatic(Effect(i), facts));
+    if (facts.pilot) plan.steps.back().light = facts.pilot->effects[i];
   }
-  const bool changes = !words[0].empty() && (words[0][0] == '+' || words[0][0] == '-');
-  std::vector<std::optional<bool>> wish(std::size(kEffectNames));
-  if (!changes) std::ranges::fill(wish, std::optional(false));
-  for (const std::string& word : words) {
-    const bool signedWord = !word.empty() && (word[0] == '+' || word[0] == '-');
-    const auto effect = effectNamed(std::string_view(word).substr(signedWord ? 1 : 0));
-    if (!effect || signedWord != changes)
-      throw Error(Exit::Usage, "lmc", "",
-                  fmt::format("--effects: '{}' is not an effect ({}), or mixes a list with changes", word, fmt::join(kEffectNames, ", ")));
-    wish[std::size_t(*effect)] = !signedWord || word[0] == '+';
+  std::vector<std::optional<bool>> wish(kEffects);
+  if (effects != "auto") {
+    std::vector<std::string> words;
+    for (std::size_t at = 0; at <= effects.size();) {
+      const std::size_t comma = std::min(effects.find(',', at), effects.size());
+      words.push_back(effects.substr(at, comma - at));
+      at = comma + 1;
+    }
+    const bool changes = !words[0].empty() && (words[0][0] == '+' || words[0][0] == '-');
+    if (!changes) std::ranges::fill(wish, std::optional(false));
+    for (const std::string& word : words) {
+      const bool signedWord = !word.empty() && (word[0] == '+' || word[0] == '-');
+      const auto effect = effectNamed(std::string_view(word).substr(signedWord ? 1 : 0));
+      if (!effect || signedWord != changes)
+        throw Error(
+            Exit::Usage, "lmc", "",
+            fmt::format("--effects: '{}' is not an effect ({}), or mixes a list with changes", word, fmt::join(kEffectNames, ", ")));
+      wish[std::size_t(*effect)] = !signedWord || word[0] == '+';
+    }
   }
   for (Step& step : plan.steps) {
     const std::optional<bool> w = wish[std::size_t(step.effect)];
@@ -119,7 +123,60 @@ Plan makePlan(const std::string& effects, const Facts& facts) {
     step.run = *w;
     step.because = "--effects " + effects;
   }
+  leaveOutWeak(plan, wish, request.goal);
   return plan;
+}
+
+namespace {
+
+/// Their errors are independent.
+Forecast sum(std::initializer_list<Forecast> parts) {
+  Forecast out;
+  double below2 = 0.0, above2 = 0.0;
+  for (const Forecast& p : parts) {
+    out.rays += p.rays;
+    out.cpu_s += p.cpu_s;
+    below2 += (p.cpu_s - p.least_s) * (p.cpu_s - p.least_s);
+    above2 += (p.most_s - p.cpu_s) * (p.most_s - p.cpu_s);
+  }
+  out.least_s = out.cpu_s - std::sqrt(below2);
+  out.most_s = out.cpu_s + std::sqrt(above2);
+  return out;
+}
+
+}  // namespace
+
+Cost costOf(Effect effect, const Plan& plan, const Pilot& pilot) {
+  if (!plan.runs(effect)) return {};
+  switch (effect) {
+    case Effect::Direct:
+      return {pilot.direct, {}};
+    case Effect::Area:
+      return plan.runs(Effect::Direct) ? Cost{{}, Effect::Direct} : Cost{pilot.direct, {}};
+    case Effect::Shadow:
+      if (plan.runs(Effect::Direct)) return {{}, Effect::Direct};
+      return plan.runs(Effect::Area) ? Cost{{}, Effect::Area} : Cost{};
+    case Effect::Bounce:
+      return {sum({pilot.patches, pilot.solve, pilot.gather}), {}};
+    case Effect::Sky:
+      return plan.runs(Effect::Bounce) ? Cost{{}, Effect::Bounce} : Cost{pilot.gather, {}};
+    case Effect::Ao:
+      return {pilot.occlude, {}};
+    case Effect::Bent:
+      return plan.runs(Effect::Ao) ? Cost{{}, Effect::Ao} : Cost{pilot.occlude, {}};
+    case Effect::Seams:
+      return {pilot.seams, {}};
+    case Effect::Tangents:
+      break;
+  }
+  return {};
+}
+
+Forecast forecastOf(const Plan& plan, const Pilot& pilot) {
+  Forecast all = pilot.rest;
+  for (std::size_t i = 0; i < kEffects; ++i)
+    if (const Cost c = costOf(Effect(i), plan, pilot); c.forecast) all = sum({all, *c.forecast});
+  return all;
 }
 
 }  // namespace lmc

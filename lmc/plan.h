@@ -1,40 +1,28 @@
 #pragma once
-/// Which effects run, which do not, and why. Pure: no file is touched, so that every rule of leaving out has a test.
+/// Which effects run, which do not, and why. Pure: no file is touched and no ray is cast, so that every rule of leaving out has a test.
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "libscene/scene.h"
+#include "lmc/facts.h"
 
 namespace lmc {
 
-/// What a level calls for, gathered without a ray.
-struct Facts {
-  std::uint32_t pointLights = 0, spotLights = 0, directionalLights = 0;  ///< that give light
-  std::uint32_t darkLights = 0;                                          ///< of intensity 0
-  std::uint32_t emissiveTriangles = 0;
-  bool sky = false;
-  std::uint32_t receivers = 0;         ///< objects with a place in the light map
-  std::uint32_t blockers = 0;          ///< triangles that cast shadows
-  float largestReflectance = 0.0f;     ///< over materials, all channels
-  std::uint32_t tangentMaterials = 0;  ///< that call for tangents
-  /// Edges of charts that meet on smooth surfaces; not known before all light-map UVs are there.
-  std::optional<std::uint64_t> smoothSeams{};
-  bool lit() const { return pointLights + spotLights + directionalLights + emissiveTriangles > 0 || sky; }
-};
-Facts factsOf(const Scene&);
-
-enum class Effect { Direct, Shadow, Area, Sky, Bounce, Ao, Bent, Tangents, Seams };
-inline constexpr const char* kEffectNames[] = {"direct", "shadow", "area", "sky", "bounce", "ao", "bent", "tangents", "seams"};
+/// What may be left out of a goal: a quarter, for the level, and of the limit of each object (design.md section 5).
+inline constexpr double kLeftOutShare = 0.25;
 
 struct Step {
   Effect effect;
   bool run;
   std::string because;
   bool possible = true;  ///< it would do something if it were asked for
+  bool tooWeak = false;  ///< left out for its bound: that is part of the stated error
+  Contribution light{};  ///< of the pilot
 };
 struct Plan {
   std::vector<Step> steps;
+  double leftOut = 0.0;        ///< bound of all that was left out as too weak, relative to the level's mean
+  double leftOutObject = 0.0;  ///< the same of the worst object, against max(its own mean, 1 % of the level's)
   bool runs(Effect e) const {
     for (const Step& s : steps)
       if (s.effect == e) return s.run;
@@ -48,7 +36,24 @@ struct Plan {
   }
 };
 
-/// `effects`: "auto", a list (exactly these), or changes to auto ("+sky,-bounce"). Throws Error Usage for a name it does not know.
-Plan makePlan(const std::string& effects, const Facts&);
+struct PlanRequest {
+  std::string effects = "auto";  ///< "auto", a list (exactly these), or changes to auto ("+sky,-bounce")
+  double goal = 0.02;            ///< relative RMS error asked for
+};
+
+/// An effect runs when it is asked for, or when the level calls for it: when it can do anything at all, by the facts, and when its bound,
+/// by the pilot, is above what is left of the share of the goal kept for what is left out. The weakest go first. Throws Error Usage for a
+/// name that it does not know.
+Plan makePlan(const PlanRequest&, const Facts&);
+
+/// What an effect is going to cost, where it has stages of its own; `with`: the effect in whose stages it is done.
+struct Cost {
+  std::optional<Forecast> forecast;
+  std::optional<Effect> with;
+};
+Cost costOf(Effect, const Plan&, const Pilot&);
+
+/// All that runs after the pilot.
+Forecast forecastOf(const Plan&, const Pilot&);
 
 }  // namespace lmc

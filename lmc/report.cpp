@@ -1,10 +1,12 @@
 #include "lmc/report.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "libscene/tracer.h"
 #include "lmc/ao.h"
 #include "lmc/outputs.h"
+#include "lmc/plan_report.h"
 
 namespace lmc {
 
@@ -64,18 +66,13 @@ Json seamsOf(const Bake& b) {
 }
 }  // namespace
 
-Json planOf(const Plan& plan) {
-  Json steps = Json::array();
-  for (const Step& s : plan.steps)
-    steps.push_back({{"effect", kEffectNames[std::size_t(s.effect)]}, {"run", s.run}, {"because", s.because}});
-  return steps;
-}
-
 Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   Json r;
   r["schema"] = "lmc-report/1";
   r["version"] = LMC_VERSION;
-  r["plan"] = planOf(b.plan);
+  r["plan"] = planOf(b, spoken.stages);
+  r["forecast"] = forecastOf(b, spoken.stages);
+  r["facts"] = factsOf(b);
   const ErrorLedger& e = b.ledger;
   r["error"] = {{"goal", b.options.goal},
                 {"goal_met", goalMet},
@@ -87,6 +84,8 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                 {"seams", e.seams},
                 {"bounce_tail", e.tail},
                 {"bounce_tail_estimate", e.tailEstimate},
+                {"left_out", e.leftOut},
+                {"left_out_object", b.plan.leftOutObject},
                 {"worst_object", e.worstObject},
                 {"worst_object_path", e.worstObjectId == kNone ? "" : b.scene.objects[e.worstObjectId].path}};
   glm::dvec3 mean(0.0);
@@ -137,12 +136,14 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   }
   Json rays;
   rays["total"] = b.tracer ? b.tracer->rays() : 0;
-  for (std::size_t p = 0; p < kPurposeNames.size(); ++p) rays[kPurposeNames[p]] = b.tracer ? b.tracer->rays(Purpose(p)) : 0;
+  rays["pilot"] = std::accumulate(b.pilotRays.begin(), b.pilotRays.end(), std::uint64_t(0));
+  for (std::size_t p = 0; p < kPurposeNames.size(); ++p)
+    rays[kPurposeNames[p]] = b.tracer ? b.tracer->rays(Purpose(p)) - b.pilotRays[p] : 0;
   r["rays"] = rays;
   // Seconds by light: the direct stage's, by rays.
   double directSeconds = 0.0;
   for (const StageTime& t : spoken.stages) directSeconds += t.name == "direct" ? t.seconds : 0.0;
-  const double shadowRays = b.tracer ? std::max(1.0, double(b.tracer->rays(Purpose::Shadow) + b.tracer->rays(Purpose::Emitter))) : 1.0;
+  const double shadowRays = std::max(1.0, double(rays["shadow"]) + double(rays["emitter"]));
   Json lights = Json::array();
   const auto addLight = [&](const std::string& path, const char* kind, std::uint64_t count) {
     lights.push_back({{"light", path}, {"kind", kind}, {"rays", count}, {"seconds", directSeconds * double(count) / shadowRays}});
@@ -151,9 +152,10 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     constexpr const char* kKinds[] = {"point", "spot", "directional"};
     for (std::uint32_t i = 0; i < b.scene.lights.size(); ++i)
       addLight(b.scene.lights[i].path, kKinds[std::size_t(b.scene.lights[i].kind)], b.direct->raysOf(i));
-    if (b.direct->hasEmitters()) addLight("emissive surfaces", "area", b.tracer->rays(Purpose::Emitter));
+    if (b.direct->hasEmitters()) addLight("emissive surfaces", "area", rays["emitter"]);
   }
   r["lights"] = lights;
+  if (!b.explained.is_null()) r["explain"] = b.explained;
   Json stages = Json::array();
   double seconds = 0.0, cpu = 0.0;
   for (const StageTime& t : spoken.stages) {

@@ -14,6 +14,5 @@ struct Spoken {
 nlohmann::ordered_json reportOf(const Bake&, const Spoken&, bool goalMet);
 /// Of light-map UVs, object by object.
 nlohmann::ordered_json uvOf(const UvLayout&, const Scene&);
-nlohmann::ordered_json planOf(const Plan&);
 
 }  // namespace lmc

@@ -12,6 +12,8 @@
 #include "libscene/files.h"
 #include "libscene/parallel.h"
 #include "lmc/ao.h"
+#include "lmc/explain.h"
+#include "lmc/pilot.h"
 
 namespace lmc {
 
@@ -37,16 +39,24 @@ void load(Bake& b) {
   b.summary = fmt::format("{} triangles, {} objects, {} lights", b.scene.triangles.size(), b.scene.objects.size(), b.scene.lights.size());
 }
 
-void plan(Bake& b) {
-  b.facts = factsOf(b.scene);
-  b.plan = makePlan(b.options.effects, b.facts);
-  for (const Step& s : b.plan.steps)
-    b.summary += fmt::format("{}{}{}", b.summary.empty() ? "" : " ", s.run ? "+" : "-", kEffectNames[std::size_t(s.effect)]);
-  // What does not run is not there for the stages that follow.
+namespace {
+
+/// What does not run is not there for the stages that follow.
+void dropWhatDoesNotRun(Bake& b) {
   if (!b.plan.runs(Effect::Direct)) b.scene.lights.clear();
   if (!b.plan.runs(Effect::Sky)) b.scene.sky = Rgb(0.0f);
   if (!b.plan.runs(Effect::Area))
     for (Material& m : b.scene.materials) m.emission = Rgb(0.0f);
+}
+
+}  // namespace
+
+void plan(Bake& b) {
+  b.facts = factsOf(b.scene);
+  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);
+  for (const Step& s : b.plan.steps)
+    b.summary += fmt::format("{}{}{}", b.summary.empty() ? "" : " ", s.run ? "+" : "-", kEffectNames[std::size_t(s.effect)]);
+  dropWhatDoesNotRun(b);
 }
 
 namespace {
@@ -104,11 +114,12 @@ void charts(Bake& b) {
         "LMC_MEMORY");
   b.charts = findCharts(b.scene, side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, side, b.uv.maps);
+  b.texels->keepAtMost(b.memory.tiles_bytes);
   b.map = startMap(b.scene, *b.texels, b.run);
   warnOfLostCharts(b);
   b.seams = findSeams(b.scene);
   b.facts.smoothSeams = b.seams.smooth.size();
-  b.plan = makePlan(b.options.effects, b.facts);  // what seams there are is known now
+  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);  // what seams there are is known now
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
   b.summary = fmt::format("{}{} x {}, {} charts, {} texels covered", b.uv.maps == 1 ? "" : fmt::format("{} maps of ", b.uv.maps), side,
                           side, b.charts.count, covered);
@@ -127,6 +138,19 @@ void trace(Bake& b) {
                 "",
                 fmt::format("{} triangles without area are left out", b.tracer->degenerateTriangles()),
                 "LMC_DEGENERATE"});
+}
+
+void pilot(Bake& b) {
+  if (!b.tracer) {
+    b.summary = "nothing to foretell";
+    return;
+  }
+  b.facts.pilot = runPilot(b);
+  for (std::size_t p = 0; p < b.pilotRays.size(); ++p) b.pilotRays[p] = b.tracer->rays(Purpose(p));
+  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);
+  dropWhatDoesNotRun(b);
+  const Forecast all = forecastOf(b.plan, *b.facts.pilot);
+  b.summary = fmt::format("{:.2g} CPU s foretold ({:.2g} to {:.2g}), {:.3g} M rays", all.cpu_s, all.least_s, all.most_s, all.rays / 1e6);
 }
 
 void directLight(Bake& b) {
@@ -340,7 +364,7 @@ void hemisphere(Bake& b) {
     return;
   }
   const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
-  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather, {b.options.goal, b.options.interpolate, b.tail()}, b.run);
+  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather, {b.options.goal, b.options.interpolate, b.tail(), b.plan.leftOut}, b.run);
   double rays = 0.0, texels = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     rays += 2.0 * b.map.rays[i];
@@ -350,9 +374,11 @@ void hemisphere(Bake& b) {
 }
 
 void finish(Bake& b) {
+  if (b.options.explain) b.explained = explainTexel(b);
   b.field.reset();
   b.values = values(b.map, b.scene);
-  b.ledger = ledger(b.map, b.scene, b.tail(), b.tailEstimate());
+  if (b.options.explain) addValues(b.explained, b);
+  b.ledger = ledger(b.map, b.scene, {b.tail(), b.tailEstimate(), b.plan.leftOut, b.plan.leftOutObject});
   // Halves and sums are done with: what is written needs the room.
   for (std::size_t h = 0; h < 2; ++h) {
     b.map.direct[h] = b.map.bounced[h] = {};

@@ -2,6 +2,7 @@
 /// THE order of work: add a stage by adding a row. The report, the log and docs/stages.md follow this table.
 #include <array>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "libao/ao.h"
 #include "libradiosity/light_map.h"
@@ -23,15 +24,16 @@ struct Bake {
   Run run;
 
   Scene scene;  // load
-  Facts facts;  // plan
+  Facts facts;  // plan, pilot
   Plan plan;
   UvLayout uv;  // charts
   MemoryPlan memory;
   Charts charts;
   std::unique_ptr<TexelMap> texels;
-  Seams seams;                     ///< of the level's surface; closed where the plan says so
-  std::unique_ptr<Tracer> tracer;  // trace
-  LightMap map;                    // direct, hemisphere
+  Seams seams;                                                  ///< of the level's surface; closed where the plan says so
+  std::unique_ptr<Tracer> tracer;                               // trace
+  std::array<std::uint64_t, kPurposeNames.size()> pilotRays{};  // pilot
+  LightMap map;                                                 // direct, hemisphere
   std::unique_ptr<DirectLight> direct;
   PatchMesh patches;                 // patches
   double meanReflectance = 0.0;      ///< by area
@@ -46,7 +48,8 @@ struct Bake {
   std::uint64_t storedBytes = 0;  ///< stored only: hits, both streams
   double closureError = -1.0;     ///< of the form factors before scaling; -1 = none computed
   std::unique_ptr<Field> field;
-  LightMapValues values;  // finish
+  nlohmann::ordered_json explained;  ///< null unless asked for
+  LightMapValues values;             // finish
   ErrorLedger ledger;
   std::vector<float> scales;  ///< one a map: E = stored value * scale
   ao::Openness openness;      ///< empty when the plan leaves it out
@@ -69,6 +72,7 @@ void load(Bake&);
 void plan(Bake&);
 void charts(Bake&);
 void trace(Bake&);
+void pilot(Bake&);
 void directLight(Bake&);
 void patches(Bake&);
 void solve(Bake&);
@@ -82,6 +86,7 @@ inline constexpr std::array kStages{
     StageRow{"plan", "effects", 0.0, plan},
     StageRow{"charts", "UV charts and texels", 0.02, charts},
     StageRow{"trace", "ray tracer", 0.02, trace},
+    StageRow{"pilot", "bounds and forecast", 0.02, pilot},
     StageRow{"direct", "direct light", 0.15, directLight},
     StageRow{"patches", "patches", 0.02, patches},
     StageRow{"solve", "bounced light on patches", 0.12, solve},

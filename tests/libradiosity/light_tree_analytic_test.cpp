@@ -266,7 +266,7 @@ TEST(LightTree, ThousandsOfPanelsTakeAtMostThreeTimesTheRaysOfTenWithinTheGoal) 
     const DirectLight direct(scene, tracer, true);
     LightMap map = startMap(scene, texels, run);
     bakeDirect(map, scene, texels, direct, {.goal = 0.02}, run);
-    return std::pair(double(tracer.rays(Purpose::Emitter)), ledger(map, scene, 0.0, 0.0).noise);
+    return std::pair(double(tracer.rays(Purpose::Emitter)), ledger(map, scene, {}).noise);
   };
   const auto [fewRays, fewNoise] = baked(5, 2);
   const auto [manyRays, manyNoise] = baked(100, 50);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "libscene/error.h"
 
 namespace lmc {
@@ -17,7 +19,7 @@ Facts room() {
 }
 
 TEST(Plan, RunsWhatTheLevelCallsFor) {
-  const Plan p = makePlan("auto", room());
+  const Plan p = makePlan({"auto"}, room());
   EXPECT_TRUE(p.runs(Effect::Direct));
   EXPECT_TRUE(p.runs(Effect::Shadow));
   EXPECT_FALSE(p.runs(Effect::Area));
@@ -29,44 +31,119 @@ TEST(Plan, RunsWhatTheLevelCallsFor) {
 TEST(Plan, WithoutLightNothingRuns) {
   Facts f = room();
   f.pointLights = 0;
-  EXPECT_FALSE(makePlan("auto", f).anything());
+  EXPECT_FALSE(makePlan({"auto"}, f).anything());
   f = room();
   f.receivers = 0;
-  EXPECT_FALSE(makePlan("auto", f).anything());
+  EXPECT_FALSE(makePlan({"auto"}, f).anything());
 }
 
 TEST(Plan, BlackSurfacesNeedNoBounce) {
   Facts f = room();
   f.largestReflectance = 0.0f;
-  EXPECT_FALSE(makePlan("auto", f).runs(Effect::Bounce));
-  EXPECT_TRUE(makePlan("auto", f).runs(Effect::Direct));
+  EXPECT_FALSE(makePlan({"auto"}, f).runs(Effect::Bounce));
+  EXPECT_TRUE(makePlan({"auto"}, f).runs(Effect::Direct));
 }
 
 TEST(Plan, SeamsAreClosedWhereThereAreSmoothOnes) {
   Facts f = room();
-  EXPECT_TRUE(makePlan("auto", f).runs(Effect::Seams)) << "not known before light-map UVs are there";
+  EXPECT_TRUE(makePlan({"auto"}, f).runs(Effect::Seams)) << "not known before light-map UVs are there";
   f.smoothSeams = 7;
-  Plan p = makePlan("auto", f);
+  Plan p = makePlan({"auto"}, f);
   EXPECT_TRUE(p.runs(Effect::Seams));
   EXPECT_EQ(p.steps[std::size_t(Effect::Seams)].because, "7 chart edges meet on smooth surfaces");
-  EXPECT_FALSE(makePlan("-seams", f).runs(Effect::Seams));
+  EXPECT_FALSE(makePlan({"-seams"}, f).runs(Effect::Seams));
   f.smoothSeams = 0;
-  p = makePlan("auto", f);
+  p = makePlan({"auto"}, f);
   EXPECT_FALSE(p.runs(Effect::Seams));
   EXPECT_EQ(p.steps[std::size_t(Effect::Seams)].because, "no smooth seam");
 }
 
 TEST(Plan, EffectsCanBeListedOrChanged) {
-  EXPECT_FALSE(makePlan("direct", room()).runs(Effect::Bounce));
-  EXPECT_TRUE(makePlan("direct", room()).runs(Effect::Direct));
-  const Plan p = makePlan("-bounce,-shadow", room());
+  EXPECT_FALSE(makePlan({"direct"}, room()).runs(Effect::Bounce));
+  EXPECT_TRUE(makePlan({"direct"}, room()).runs(Effect::Direct));
+  const Plan p = makePlan({"-bounce,-shadow"}, room());
   EXPECT_TRUE(p.runs(Effect::Direct));
   EXPECT_FALSE(p.runs(Effect::Bounce));
   EXPECT_EQ(p.steps[std::size_t(Effect::Bounce)].because, "--effects -bounce,-shadow");
-  EXPECT_FALSE(makePlan("+sky", room()).runs(Effect::Sky)) << "asked for what the level has not";
-  EXPECT_THROW(makePlan("glow", room()), Error);
-  EXPECT_THROW(makePlan("+sky,bounce", room()), Error);
-  EXPECT_THROW(makePlan("", room()), Error);
+  EXPECT_FALSE(makePlan({"+sky"}, room()).runs(Effect::Sky)) << "asked for what the level has not";
+  EXPECT_THROW(makePlan({"glow"}, room()), Error);
+  EXPECT_THROW(makePlan({"+sky,bounce"}, room()), Error);
+  EXPECT_THROW(makePlan({""}, room()), Error);
+}
+
+Contribution worth(double bound, double object) {
+  Contribution c;
+  c.known = true;
+  c.bound = bound;
+  c.object = object;
+  return c;
+}
+
+TEST(Plan, ConvexRoomsWithTheirLampsInsideNeedNoShadows) {
+  Facts f = room();
+  f.shape = Shape::SeenFromInside;
+  EXPECT_TRUE(makePlan({"auto"}, f).runs(Effect::Shadow)) << "a lamp may be outside";
+  f.lampsInFront = true;
+  EXPECT_FALSE(makePlan({"auto"}, f).runs(Effect::Shadow));
+  EXPECT_TRUE(makePlan({"auto"}, f).runs(Effect::Bounce));
+  EXPECT_TRUE(makePlan({"+shadow"}, f).runs(Effect::Shadow)) << "whoever asks gets it";
+}
+
+TEST(Plan, OnePlaneOrOneSolidSeesNothingOfItself) {
+  for (const Shape shape : {Shape::Flat, Shape::SeenFromOutside}) {
+    Facts f = room();
+    f.shape = shape;
+    const Plan p = makePlan({"auto"}, f);
+    EXPECT_TRUE(p.runs(Effect::Direct));
+    for (const Effect e : {Effect::Shadow, Effect::Bounce, Effect::Ao}) EXPECT_FALSE(p.runs(e)) << kEffectNames[std::size_t(e)];
+  }
+}
+
+TEST(Plan, LeavesOutTheWeakestUntilAQuarterOfTheGoalIsUsed) {
+  Facts f = room();
+  f.sky = true;
+  f.emissiveTriangles = 2;
+  f.pilot.emplace();
+  f.pilot->effects[std::size_t(Effect::Direct)] = worth(1.0, 1.0);
+  f.pilot->effects[std::size_t(Effect::Sky)] = worth(0.003, 0.004);
+  f.pilot->effects[std::size_t(Effect::Area)] = worth(0.001, 0.002);
+  f.pilot->effects[std::size_t(Effect::Bounce)] = worth(0.0015, 0.003);
+  const Plan p = makePlan({"auto", 0.02}, f);  // 0.005 to spare
+  EXPECT_FALSE(p.runs(Effect::Area));
+  EXPECT_FALSE(p.runs(Effect::Bounce));
+  EXPECT_TRUE(p.runs(Effect::Sky)) << "0.0055 with the two weaker ones";
+  EXPECT_TRUE(p.runs(Effect::Direct));
+  EXPECT_DOUBLE_EQ(p.leftOut, 0.0025);
+  EXPECT_DOUBLE_EQ(p.leftOutObject, 0.005);
+  EXPECT_FALSE(makePlan({"auto", 0.08}, f).runs(Effect::Sky)) << "a coarser goal has room for it";
+  const Plan asked = makePlan({"+area", 0.02}, f);
+  EXPECT_TRUE(asked.runs(Effect::Area)) << "asked for";
+  EXPECT_FALSE(asked.runs(Effect::Sky)) << "now there is room: 0.0045";
+  EXPECT_DOUBLE_EQ(asked.leftOut, 0.0045);
+}
+
+TEST(Plan, KeepsWhatOneObjectLivesBy) {
+  Facts f = room();
+  f.pilot.emplace();
+  f.pilot->effects[std::size_t(Effect::Bounce)] = worth(0.001, 0.02);  // limit of an object: a quarter of three goals
+  EXPECT_TRUE(makePlan({"auto", 0.02}, f).runs(Effect::Bounce));
+  f.pilot->effects[std::size_t(Effect::Bounce)] = worth(0.001, 0.0149);
+  EXPECT_FALSE(makePlan({"auto", 0.02}, f).runs(Effect::Bounce));
+}
+
+TEST(Plan, ForetellsTheStagesThatRun) {
+  Facts f = room();
+  Pilot& p = f.pilot.emplace();
+  p.direct = {1e6, 1.0, 0.9, 1.2};
+  p.gather = {4e6, 3.0, 2.6, 3.6};
+  p.patches = p.solve = {};
+  p.occlude = {8e6, 2.0, 1.7, 2.3};
+  const Plan whole = makePlan({"-seams"}, f), direct = makePlan({"direct,shadow"}, f);
+  EXPECT_DOUBLE_EQ(forecastOf(whole, p).cpu_s, 6.0);
+  EXPECT_DOUBLE_EQ(forecastOf(whole, p).rays, 13e6);
+  EXPECT_DOUBLE_EQ(forecastOf(whole, p).least_s, 6.0 - std::sqrt(0.1 * 0.1 + 0.4 * 0.4 + 0.3 * 0.3));
+  EXPECT_DOUBLE_EQ(forecastOf(direct, p).cpu_s, 1.0);
+  EXPECT_EQ(costOf(Effect::Shadow, direct, p).with, Effect::Direct);
 }
 
 }  // namespace

@@ -1,0 +1,188 @@
+#!/usr/bin/env python3
+"""The plan through the program: for each effect a level that needs it and one that does not. What is skipped casts no ray, and the map without it
+is the same as with it where it gives nothing, and within the stated bound elsewhere."""
+import argparse, array, json, math, os, pathlib, subprocess, sys, tempfile
+
+GOAL = 0.08     # the draft preset
+
+
+def room(make, name, albedo=0.6, lamp=20.0, column=False, sky=0.0, open_top=False, panel=0.0, normal_map=False):
+    """A room of 4 x 3 x 5 m, convex but for a column."""
+    level = make.Level(name, 64, (sky, sky, sky) if sky else None)
+    level.material('wall', (albedo, albedo, albedo))
+    x, y, z = 4.0, 3.0, 5.0
+    walls = level.object('walls', 'wall')
+    foot = [(2.6, 0.0, 3.2), (3.1, 0.0, 3.2), (3.1, 0.0, 3.7), (2.6, 0.0, 3.7)]
+    level.flat(walls, [(0, 0, 0), (x, 0, 0), (x, 0, z), (0, 0, z)], (0, 1, 0), [foot] if column else ())
+    if not open_top:
+        level.flat(walls, [(0, y, 0), (x, y, 0), (x, y, z), (0, y, z)], (0, -1, 0))
+    level.flat(walls, [(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)], (1, 0, 0))
+    level.flat(walls, [(x, 0, 0), (x, y, 0), (x, y, z), (x, 0, z)], (-1, 0, 0))
+    level.flat(walls, [(0, 0, 0), (x, 0, 0), (x, y, 0), (0, y, 0)], (0, 0, 1))
+    level.flat(walls, [(0, 0, z), (x, 0, z), (x, y, z), (0, y, z)], (0, 0, -1))
+    if column:
+        level.box(level.object('column', 'wall'), foot[0], (3.1, 1.5, 3.7), 'xXYzZ')
+    if panel > 0.0:
+        level.material('glow', (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), panel)
+        level.flat(level.object('panel', 'glow'), [(1, 2.9, 1), (2, 2.9, 1), (2, 2.9, 2), (1, 2.9, 2)], (0, -1, 0))
+    if lamp > 0.0:
+        level.light('lamp', 'point', (1.0, 1.0, 1.0), lamp, (1.2, 2.0, 1.5))
+    return level
+
+
+def plane(make):
+    level = make.Level('plane', 64)
+    level.material('wall', (0.6, 0.6, 0.6))
+    level.flat(level.object('floor', 'wall'), [(0, 0, 0), (4, 0, 0), (4, 0, 5), (0, 0, 5)], (0, 1, 0))
+    level.light('lamp', 'point', (1.0, 1.0, 1.0), 20.0, (1.2, 2.0, 1.5))
+    return level
+
+
+class Test:
+    def __init__(self, a, folder):
+        sys.path.insert(0, os.path.join(a.source_dir, 'samples'))
+        import make_samples
+        self.make, self.lmc, self.dump, self.out, self.bad = make_samples, a.lmc, a.dump, pathlib.Path(folder), []
+
+    def expect(self, right, what):
+        if not right:
+            self.bad.append(what)
+
+    def run(self, *args, exit=0):
+        r = subprocess.run([self.lmc, *map(str, args)], capture_output=True, text=True)
+        self.expect(r.returncode == exit, f'{" ".join(map(str, args))}: exit {r.returncode}, not {exit}: {r.stderr}')
+        return r
+
+    def write(self, level):
+        folder = self.out / level.name
+        folder.mkdir(exist_ok=True)
+        for name, data in self.make.build(level).items():
+            (folder / name).write_bytes(data)
+        return folder / (level.name + '.glb')
+
+    def bake(self, file, name, *args):
+        out = self.out / name
+        self.run('bake', file, '-o', out, '--progress', 'none', '--preset', 'draft', *args)
+        return out, json.loads((out / 'report.json').read_text())
+
+    def texels(self, out):
+        channels = [self.channel(out / 'lightmap.exr', c) for c in 'RGBA']
+        return [t[:3] for t in zip(*channels) if t[3] == 1.0]
+
+    def channel(self, file, name):
+        raw = subprocess.run([self.dump, str(file), name], check=True, capture_output=True).stdout
+        return array.array('f', raw[raw.index(b'\n') + 1:])
+
+    def steps(self, report):
+        return {s['effect']: s for s in report['plan']}
+
+    def pair(self, effect, without, within, purposes, reason):
+        """`without` does not call for the effect, `within` does. Returns the map's relative change when it is forced on."""
+        skipped, report = self.bake(without, f'{effect}_skipped', '--effects', '-ao' if effect != 'ao' else 'auto')
+        step = self.steps(report)[effect]
+        self.expect(not step['run'] and reason in step['because'], f'{effect}: {step}')
+        for p in purposes:
+            self.expect(report['rays'][p] == 0, f'{effect} is skipped, and casts {report["rays"][p]} rays for {p}')
+        _, needed = self.bake(within, f'{effect}_needed', '--effects', '-ao' if effect != 'ao' else 'auto')
+        self.expect(self.steps(needed)[effect]['run'], f'{effect}: not simulated where it is called for: {self.steps(needed)[effect]}')
+        for p in purposes:
+            self.expect(needed['rays'][p] > 0, f'{effect} runs, and casts no ray for {p}')
+        self.expect(needed['rays']['total'] > report['rays']['total'], f'{effect}: skipping it saves no rays')
+        forced, on = self.bake(without, f'{effect}_forced', '--effects', f'+{effect},-ao' if effect != 'ao' else '+ao')
+        a, b = self.texels(skipped), self.texels(forced)
+        mean = sum(map(sum, b)) / (3 * len(b))
+        change = math.sqrt(sum((p - q) ** 2 for t, u in zip(a, b) for p, q in zip(t, u)) / (3 * len(b))) / mean
+        same = (skipped / 'lightmap.exr').read_bytes() == (forced / 'lightmap.exr').read_bytes()
+        return change, same, step, report, on
+
+    def exactly(self, effect, *args):
+        change, same, step, _, on = self.pair(effect, *args)
+        self.expect(same, f'{effect} gives nothing, and the map forced on has other bytes (by {change})')
+        self.expect(self.steps(on)[effect]['run'] or 'no ' in step['because'] or 'black' in step['because'] or 'albedo' in step['because'], f'{effect} cannot be forced')
+
+    def weakly(self, effect, *args):
+        change, _, step, report, on = self.pair(effect, *args)
+        self.expect(self.steps(on)[effect]['run'], f'{effect} cannot be forced')
+        self.expect(step['left_out'] and 0.0 < step['bound'] <= GOAL / 4, f'{effect}: {step}')
+        self.expect(report['error']['left_out'] >= step['bound'], f'{effect}: its bound is not in the stated error')
+        # Both maps have noise of their own: what they state of it, in squares.
+        noise = math.hypot(report['error']['noise'], on['error']['noise'])
+        self.expect(change <= step['bound'] + noise, f'{effect}: leaving it out changes the map by {change}, the bound says {step["bound"]} (noise {noise})')
+        return change
+
+    def pairs(self):
+        make, write = self.make, self.write
+        lit = write(room(make, 'lit', column=True))
+        glow = write(room(make, 'glow', lamp=0.0, panel=400.0))
+        both = write(room(make, 'both', panel=400.0, column=True))
+        dark = write(room(make, 'dark', lamp=0.0, panel=400.0))
+        self.exactly('direct', glow, both, ['shadow'], 'no punctual lights')
+        self.exactly('shadow', write(room(make, 'empty')), lit, ['shadow'], 'nothing stands in between')
+        self.exactly('area', lit, dark, ['emitter'], 'no emissive surfaces')
+        self.exactly('sky', lit, write(room(make, 'open', sky=40.0, open_top=True, column=True)), ['patch-sky'], 'no sky')
+        self.exactly('bounce', write(room(make, 'black', albedo=0.0, column=True)), lit, ['gather', 'shoot', 'exposure'], 'albedo 0')
+        self.exactly('ao', write(plane(make)), lit, ['occlusion'], 'all is open')
+        # A lamp, an emitter, a sky, walls of so little that they fit into a quarter of the goal.
+        self.weakly('direct', write(room(make, 'faint_lamp', lamp=0.2, panel=400.0, column=True)), both, ['shadow'], 'too little')
+        self.weakly('area', write(room(make, 'faint_panel', panel=0.05, column=True)), both, ['emitter'], 'too little')
+        self.weakly('sky', write(room(make, 'faint_sky', sky=0.01, open_top=True, column=True)), write(room(make, 'bright_sky', sky=40.0, open_top=True, column=True)), [], 'too little')
+        self.weakly('bounce', write(room(make, 'nearly_black', albedo=0.01, column=True)), lit, ['gather', 'shoot', 'exposure'], 'too little')
+
+    def planes(self):
+        """One plane: neither shadows nor bounces, and the same bytes with both forced on."""
+        file = self.write(plane(self.make))
+        out, report = self.bake(file, 'plane_auto')
+        for effect in ('shadow', 'bounce', 'ao'):
+            self.expect(not self.steps(report)[effect]['run'], f'one plane runs {effect}')
+        forced, on = self.bake(file, 'plane_forced', '--effects', '+shadow,+bounce')
+        self.expect(on['rays']['shadow'] > 0 and on['rays']['gather'] > 0, 'shadow and bounce cannot be forced')
+        self.expect((out / 'lightmap.exr').read_bytes() == (forced / 'lightmap.exr').read_bytes(), 'a plane with shadows and bounces has other bytes')
+
+    def words(self):
+        """lmc plan writes nothing, agrees with the bake, and is the same for any number of threads."""
+        file = self.write(room(self.make, 'words', column=True))
+        before = sorted(p.name for p in file.parent.iterdir())
+        text = self.run('plan', file).stdout
+        for word in ('effect', 'because', 'in all:', 'pilot:', 'lamp', 'triangles cast shadows'):
+            self.expect(word in text, f'lmc plan says nothing of {word}: {text}')
+        plans = [json.loads(self.run('plan', file, '--json', '--preset', 'draft', '-j', j).stdout) for j in (1, 2)]
+
+        def counts(plan):
+            return [{k: v for k, v in s.items() if k != 'forecast'} for s in plan['plan']], plan['facts'], plan['forecast']['rays'], plan['forecast']['pilot']['rays']
+        self.expect(counts(plans[0]) == counts(plans[1]), 'the plan hangs on the number of threads')
+        self.expect(sorted(p.name for p in file.parent.iterdir()) == before, 'lmc plan writes files')
+        _, report = self.bake(file, 'words_baked')
+        self.expect([(s['effect'], s['run'], s['because']) for s in report['plan']] == [(s['effect'], s['run'], s['because']) for s in plans[0]['plan']],
+                    'the bake follows another plan')
+        for s in report['plan']:
+            if 'forecast' in s:
+                self.expect(s['actual']['rays'] >= 0 and s['forecast']['least_cpu_seconds'] <= s['forecast']['cpu_seconds'] <= s['forecast']['most_cpu_seconds'],
+                            f'forecast of {s["effect"]}: {s}')
+        told, came = report['forecast']['rays'], report['forecast']['actual']['rays']
+        self.expect(0.4 * came < told < 2.5 * came, f'{told} rays foretold, {came} came')
+
+    def lightless(self):
+        level = room(self.make, 'lightless', lamp=0.0)
+        _, report = self.bake(self.write(level), 'lightless_baked')
+        self.expect(not any(s['run'] for s in report['plan']) and report['rays']['total'] == 0, f'a level without light: {report["plan"]}')
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name in ('lmc', 'dump', 'source-dir'):
+        parser.add_argument('--' + name, required=True)
+    a = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        test = Test(a, folder)
+        test.pairs()
+        test.planes()
+        test.words()
+        test.lightless()
+    for line in test.bad:
+        print('FAIL', line)
+    print(f'{len(test.bad)} failed')
+    return 1 if test.bad else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
