@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <new>
 
+#include "libscene/files.h"
 #include "lmc/ao.h"
 #include "lmc/bake.h"
 #include "lmc/check_shader.h"
@@ -19,10 +20,25 @@
 
 namespace {
 
-extern "C" void onSignal(int signal) {
-  if (lmc::askedToStop() != 0) _exit(128 + signal);  // asked twice: at once
-  lmc::askToStop(signal);
+// The stages look often, but not within every outside library: who is asked to stop does so within this.
+constexpr unsigned kPatience_us = 800'000, kMoment_us = 10'000;
+
+void leave(int signal) {
+  if (lmc::isNamingFiles()) {  // a set is all but there
+    ualarm(kMoment_us, 0);
+    return;
+  }
+  lmc::removeTemporaryFiles();
+  _exit(128 + signal);
 }
+
+extern "C" void onSignal(int signal) {
+  if (lmc::askedToStop() != 0) return leave(signal);  // asked twice
+  lmc::askToStop(signal);
+  ualarm(kPatience_us, 0);
+}
+
+extern "C" void onAlarm(int) { leave(lmc::askedToStop()); }
 
 void prepareProcess() {
   // Files that are opened must never land on descriptors 0 to 2, or the log would be written into them.
@@ -30,6 +46,7 @@ void prepareProcess() {
     if (fcntl(fd, F_GETFD) < 0) static_cast<void>(open("/dev/null", O_RDWR));
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGALRM, onAlarm);
   std::signal(SIGINT, onSignal);
   std::signal(SIGTERM, onSignal);
 }
