@@ -180,7 +180,9 @@ OutputFile::~OutputFile() {
   forget(remembered_);
 }
 
-void OutputFile::fail(std::string_view doing, int error) const {
+void OutputFile::fail(const char* doing, int error) {
+  failedDoing_ = doing;
+  failedBy_ = error;
   throw Error(kindOf(error), target_, "", fmt::format("cannot {}: {}", doing, std::strerror(error)));
 }
 
@@ -214,6 +216,7 @@ void OutputFile::seek(std::uint64_t position) {
 }
 
 std::string OutputFile::hash() {
+  if (failedDoing_) fail(failedDoing_, failedBy_);
   flush();
   std::vector<std::uint8_t> part(kBufferBytes);
   XXH3_state_t state;
@@ -229,6 +232,7 @@ std::string OutputFile::hash() {
 }
 
 void OutputFile::finish() {
+  if (failedDoing_) fail(failedDoing_, failedBy_);
   flush();
   if (::fsync(fd_) != 0) fail("be synced", errno);
   struct stat info {};

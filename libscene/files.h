@@ -34,11 +34,14 @@ class OutputFile {
   void flush();
   void finish();  ///< flush, fsync, check the size
   void rename();
-  void fail(std::string_view doing, int error) const;
+  /// Remembered, for OpenEXR swallows what its destructor meets: finish() says it again.
+  [[noreturn]] void fail(const char* doing, int error);
   std::filesystem::path target_, temporary_;
   int fd_ = -1;
   std::vector<char> buffer_;
   std::uint64_t position_ = 0, bufferStart_ = 0, size_ = 0;
+  const char* failedDoing_ = nullptr;
+  int failedBy_ = 0;
   bool renamed_ = false;
   std::size_t remembered_ = 0;  ///< among the names of removeTemporaryFiles()
 };

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <new>
+#include <system_error>
 
 #include "libscene/files.h"
 #include "lmc/ao.h"
@@ -13,6 +14,7 @@
 #include "lmc/check_shader.h"
 #include "lmc/compare.h"
 #include "lmc/normals.h"
+#include "lmc/progress.h"
 #include "lmc/shade.h"
 #include "lmc/tangents.h"
 #include "lmc/uv_jobs.h"
@@ -83,16 +85,19 @@ int main(int argc, char** argv) {
   try {
     return runProgram(argc, argv);
   } catch (const lmc::Cancelled&) {
-    fmt::print(stderr, "stopped\n");
+    lmc::tell("stopped\n");
     return 128 + lmc::askedToStop();
   } catch (const lmc::Error& e) {
-    fmt::print(stderr, "{}\n", e.what());
+    lmc::tell(fmt::format("{}\n", e.what()));
     return int(e.kind);
   } catch (const std::bad_alloc&) {
     std::fputs("lmc: error: out of memory [LMC_MEMORY]\n", stderr);
     return int(lmc::Exit::Limit);
+  } catch (const std::system_error& e) {  // fmt's, of stdout: every file of ours ends in an Error
+    lmc::tell(fmt::format("{}\n", lmc::line("error", "standard output", "", std::string("cannot be written: ") + e.what(), "LMC_FILE")));
+    return int(lmc::Exit::Io);
   } catch (const std::exception& e) {
-    fmt::print(stderr, "{}\n", lmc::line("error", "lmc", "", std::string("internal: ") + e.what(), "LMC_INTERNAL"));
+    lmc::tell(fmt::format("{}\n", lmc::line("error", "lmc", "", std::string("internal: ") + e.what(), "LMC_INTERNAL")));
     return int(lmc::Exit::Internal);
   }
 }
