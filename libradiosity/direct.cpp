@@ -21,6 +21,7 @@ constexpr double kDefensive = 0.05;  // share of the choice of pieces that goes 
 constexpr std::size_t kLeastDraws = 4;
 constexpr double kFarEmitter = 8.0;           // times its size: there the disc form is right to 0.2 %
 constexpr double kNearEmitter = 2.0;          // times its size: farther off its solid angle is small, and places on it give much the same
+constexpr double kNearbyTexel = 2.0;          // times a texel's diameter from a place in it: farther off 16 places see 1/d^2 to 1 %
 constexpr double kLeastSolidAngle_sr = 1e-6;  // below it the angles of a spherical triangle lose their digits
 constexpr std::size_t kMaxPlaces = 256;
 
@@ -67,6 +68,16 @@ class SphericalTriangle {
   std::array<glm::dvec3, 3> corner_;          // unit, from the place
   double solidAngle_sr_ = 0.0, alpha_ = 0.0;  // alpha: the angle at the first corner
 };
+
+/// Weights of the second and third corner at a place of the triangle's plane, kept within it.
+glm::dvec2 baryOf(const std::array<glm::dvec3, 3>& c, const glm::dvec3& at) {
+  const glm::dvec3 e1 = c[1] - c[0], e2 = c[2] - c[0], d = at - c[0], n = glm::cross(e1, e2);
+  const double n2 = glm::dot(n, n);
+  glm::dvec2 b(glm::dot(glm::cross(d, e2), n) / n2, glm::dot(glm::cross(e1, d), n) / n2);
+  b = glm::max(b, glm::dvec2(0.0));
+  const double sum = b.x + b.y;
+  return sum > 1.0 ? b / sum : b;
+}
 
 /// The least sphere about the places' middle.
 Receivers around(std::span<const SurfacePoint> places) {
@@ -142,6 +153,85 @@ DirectPart DirectLight::punctual(std::span<const SurfacePoint> places, std::uint
   }
   out.seen = seen > 0;
   out.mixed = seen > 0 && seen < places.size();  // the edge of a cone or of the light's side counts as an edge, too
+  return out;
+}
+
+bool DirectLight::isNearby(std::uint32_t index, const glm::dvec3& place_m, double diameter_m) const {
+  const Light& light = scene_.lights[index];
+  if (light.kind == Light::Kind::Directional) return false;
+  // A constant that outweighs the rest within a texel has no pole.
+  if (light.classic && light.classic->constant >= light.classic->quadratic * diameter_m * diameter_m) return false;
+  return glm::distance(light.position_m, place_m) < kNearbyTexel * diameter_m;
+}
+
+// E = sum over pieces of share/A int K V dA, and dA = d^2/cos dw about the light: E = sum of share/A int K V d^2/cos dw. K d^2/cos is the
+// intensity times ratios of cosines, without a pole. Pieces are chosen by share/A times their solid angle.
+DirectPart DirectLight::punctualNearby(std::span<const TexelPiece> pieces, std::uint32_t index, std::uint32_t count,
+                                       const Sobol4& address) const {
+  assert(count <= kMaxPlaces);
+  const Light& light = scene_.lights[index];
+  struct Seen {
+    SphericalTriangle cone;
+    std::array<glm::dvec3, 3> corner_m;
+    glm::dvec3 normal;
+    const TexelPiece* piece;
+    double weight;
+  };
+  std::vector<Seen> seenPieces;
+  double all = 0.0;
+  for (const TexelPiece& piece : pieces) {
+    const auto c = scene_.corners_m(piece.triangle);
+    std::array<glm::dvec3, 3> corner;
+    for (std::size_t k = 0; k < 3; ++k) corner[k] = c[0] + piece.bary[k].x * (c[1] - c[0]) + piece.bary[k].y * (c[2] - c[0]);
+    const double area = area_m2(corner);
+    const glm::dvec3 n = glm::cross(c[1] - c[0], c[2] - c[0]);
+    if (!(area > 0.0) || !(glm::dot(light.position_m - corner[0], n) > 0.0)) continue;
+    const SphericalTriangle cone(light.position_m, corner);
+    if (!(cone.solidAngle_sr() > kLeastSolidAngle_sr * kLeastSolidAngle_sr)) continue;
+    seenPieces.push_back({cone, corner, glm::normalize(n), &piece, piece.share / area * cone.solidAngle_sr()});
+    all += seenPieces.back().weight;
+  }
+  DirectPart out;
+  if (seenPieces.empty()) return out;
+  std::array<Ray, kMaxPlaces> rays;
+  std::array<glm::dvec3, kMaxPlaces> unshadowed;
+  std::array<std::uint8_t, kMaxPlaces> blocked;
+  std::size_t n = 0;
+  for (std::uint32_t k = 0; k < count; ++k) {
+    const glm::vec4 u = address.point(k);
+    double target = double(u.z) * all;
+    const Seen* chosen = &seenPieces.back();
+    for (const Seen& s : seenPieces) {
+      if (target < s.weight) {
+        chosen = &s;
+        break;
+      }
+      target -= s.weight;
+    }
+    const double left = std::clamp(target / chosen->weight, 0.0, 1.0);  // of the random number that chose, used again
+    const glm::dvec3 way = chosen->cone.direction(left, double(u.w));
+    const double slope = glm::dot(way, chosen->normal);
+    if (!(slope < 0.0)) continue;
+    const glm::dvec3 at = light.position_m + glm::dot(chosen->corner_m[0] - light.position_m, chosen->normal) / slope * way;
+    const SurfacePoint p = surfacePoint(scene_, chosen->piece->triangle, baryOf(scene_.corners_m(chosen->piece->triangle), at));
+    const Incoming in = incoming(light, p.position_m, p.normal);
+    if (in.illuminance == glm::dvec3(0.0)) continue;
+    const double d2 = glm::dot(in.towards, in.towards);
+    unshadowed[n] = in.illuminance * (all * d2 / -slope);
+    rays[n++] = towards(light, p, in.towards, in.endless);
+  }
+  if (n == 0) return out;
+  trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
+  if (shadows_) rays_[index].fetch_add(n, std::memory_order_relaxed);
+  std::size_t seen = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    out.unshadowed += unshadowed[i] / double(count);
+    if (blocked[i]) continue;
+    ++seen;
+    out.illuminance += unshadowed[i] / double(count);
+  }
+  out.seen = seen > 0;
+  out.mixed = seen > 0 && seen < count;
   return out;
 }
 

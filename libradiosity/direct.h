@@ -1,6 +1,7 @@
 #pragma once
 /// Light that reaches a place without a bounce, from punctual lights and emissive triangles. (The sky comes with the hemisphere rays:
 /// gather.h.)
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -29,6 +30,13 @@ struct DirectPart {
   }
 };
 
+/// A triangle that a texel covers part of: what lies in the texel.
+struct TexelPiece {
+  std::uint32_t triangle = kNone;
+  std::array<glm::dvec2, 3> bary;  ///< weights of the triangle's second and third corner, at the piece's corners
+  double share = 0.0;              ///< of what the texel covers
+};
+
 class DirectLight {
  public:
   /// Without `shadows` light goes through everything and no ray is cast.
@@ -46,6 +54,11 @@ class DirectLight {
 
   /// One punctual light: one shadow ray a place.
   DirectPart punctual(std::span<const SurfacePoint> places, std::uint32_t light) const;
+  /// The same for a texel that is long against its distance from the light, mean over the pieces by their shares: places go by the solid
+  /// angle under which the light sees them, so that the pole of 1/d^2 cancels and no texel gets more than the light sends its way.
+  DirectPart punctualNearby(std::span<const TexelPiece> pieces, std::uint32_t light, std::uint32_t places, const Sobol4& address) const;
+  /// Whether that is called for, at a texel of this diameter that holds the place.
+  bool isNearby(std::uint32_t light, const glm::dvec3& place_m, double diameter_m) const;
   /// Emitters: one ray a place, to a piece chosen by about what it would give, a place on it by area; `address` names the random numbers.
   /// The visible share is weighted by the kernel (sum K V / sum K, channel by channel), so that it is exact where nothing blocks; the bias
   /// of the ratio falls with the number of rays.

@@ -1,8 +1,12 @@
 #include "libradiosity/emitters.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <queue>
+#include <set>
+#include <tuple>
 
 #include "libscene/rng.h"
 #include "libscene/texture.h"
@@ -47,13 +51,31 @@ Rgb meanRadiance(const Scene& scene, const Emitter& e) {
   return Rgb(sum / double(kTexturePlaces));
 }
 
+/// Faces that stand twice in a level, as exporters and careless copies leave them, shine once.
+class Doubles {
+ public:
+  /// Whether a triangle of the same corners in the same order came before.
+  bool isOne(const Scene& scene, std::uint32_t triangle) {
+    const glm::uvec3 t = scene.triangles[triangle];
+    std::array<glm::vec3, 3> c{scene.positions_m[t.x], scene.positions_m[t.y], scene.positions_m[t.z]};
+    const auto before = [](const glm::vec3& a, const glm::vec3& b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); };
+    std::ranges::rotate(c, std::ranges::min_element(c, before));
+    const auto key = std::bit_cast<std::array<float, 9>>(c);
+    return !known_.insert(key).second;
+  }
+
+ private:
+  std::set<std::array<float, 9>> known_;
+};
+
 }  // namespace
 
 Emitters findEmitters(const Scene& scene, std::size_t maxPieces) {
   std::vector<Emitter> emitters;
+  Doubles doubles;
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
     const Material& material = scene.materialOf(t);
-    if (strength(material.emission) <= 0.0f || isDegenerate(scene.corners_m(t))) continue;
+    if (strength(material.emission) <= 0.0f || isDegenerate(scene.corners_m(t)) || doubles.isOne(scene, t)) continue;
     Emitter e;
     e.triangle = t;
     e.bary = {glm::vec2(0, 0), glm::vec2(1, 0), glm::vec2(0, 1)};

@@ -6,6 +6,7 @@
 #include "libradiosity/light_map.h"
 #include "libscene/constants.h"
 #include "libscene/parallel.h"
+#include "libscene/polygon2.h"
 
 namespace lmc {
 
@@ -208,20 +209,27 @@ class TileDirect {
   class Sampling {
    public:
     Sampling(const TileDirect& tile, int x, int y)
-        : tile_(tile), cut_(tile.cuts_.of(x, y)), shares_(tile.sharesAt(x, y)), sampler_(tile.scene_, tile.tile_, tile.tile_.at(x, y)) {
+        : tile_(tile),
+          cut_(tile.cuts_.of(x, y)),
+          shares_(tile.sharesAt(x, y)),
+          texel_(tile.tile_.at(x, y)),
+          sampler_(tile.scene_, tile.tile_, tile.tile_.at(x, y)) {
       for (std::uint32_t h = 0; h < 2; ++h)
         numbers_[h] = sequence(tile.seed_, Draw::Direct, 0, 0, std::uint32_t(tile.tile_.x0 + x), std::uint32_t(tile.tile_.y0 + y), h);
     }
     /// `draws`: of groups, each half.
     Part part(std::size_t k, std::uint32_t places, std::size_t draws) {
       need(places);
+      const bool nearby = k < cut_.punctual.size() && tile_.direct_.isNearby(cut_.punctual[k], at_[0][0].position_m, diameter_m());
       Part out;
       DirectPart sum;
       bool seen[2];
       for (std::uint32_t h = 0; h < 2; ++h) {
         const std::span<const SurfacePoint> at(at_[h].data(), places);
         DirectPart p;
-        if (k < cut_.punctual.size()) {
+        if (nearby) {
+          p = tile_.direct_.punctualNearby(pieces(), cut_.punctual[k], places, numbers_[h]);
+        } else if (k < cut_.punctual.size()) {
           p = tile_.direct_.punctual(at, cut_.punctual[k]);
         } else if (!isGroups(cut_, k)) {
           p = tile_.direct_.emitters(at, cut_.emitters, numbers_[h]);
@@ -245,10 +253,38 @@ class TileDirect {
           at_[h][placed_] = sampler_.at({u.z, u.w});
         }
     }
+    /// Of the texel's square, on its longest fragment.
+    double diameter_m() {
+      if (diameter_m_ > 0.0) return diameter_m_;
+      for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
+        const Fragment& f = tile_.tile_.fragments[texel_.firstFragment + i];
+        const auto c = tile_.scene_.corners_m(f.triangle);
+        const glm::dvec3 x = f.baryX.x * (c[1] - c[0]) + f.baryX.y * (c[2] - c[0]),
+                         y = f.baryY.x * (c[1] - c[0]) + f.baryY.y * (c[2] - c[0]);
+        diameter_m_ = std::max(diameter_m_, glm::length(x) + glm::length(y));
+      }
+      return diameter_m_;
+    }
+    const std::vector<TexelPiece>& pieces() {
+      if (!pieces_.empty()) return pieces_;
+      for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
+        const Fragment& f = tile_.tile_.fragments[texel_.firstFragment + i];
+        const glm::dvec2* p = tile_.tile_.corners.data() + f.firstCorner;
+        const auto bary = [&](const glm::dvec2& at) { return f.bary0 + at.x * f.baryX + at.y * f.baryY; };
+        for (std::uint32_t k = 2; k < f.cornerCount; ++k)
+          pieces_.push_back({f.triangle,
+                             {bary(p[0]), bary(p[k - 1]), bary(p[k])},
+                             0.5 * std::abs(Polygon2::cross(p[k - 1] - p[0], p[k] - p[0])) / double(texel_.coverage)});
+      }
+      return pieces_;
+    }
     const TileDirect& tile_;
     const LightCut& cut_;
     const LightTree::Groups* shares_;  // nullptr = the cut has no groups
+    const Texel& texel_;
     const TexelSampler sampler_;
+    std::vector<TexelPiece> pieces_;  // made when a light is near
+    double diameter_m_ = 0.0;
     std::array<Sobol4, 2> numbers_{Sobol4(0), Sobol4(0)};
     std::array<std::array<SurfacePoint, kMostPlaces>, 2> at_;
     std::uint32_t placed_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "libscene/parallel.h"
 #include "libscene/sampling.h"
@@ -56,7 +57,10 @@ double Energy::imbalance() const {
   const glm::dvec3 out = absorbed + backs + left + unsent;
   double worst = 0.0;
   for (int c = 0; c < 3; ++c)
-    if (sent[c] > 0.0) worst = std::max(worst, std::abs(out[c] - sent[c]) / sent[c]);
+    if (!std::isfinite(sent[c] + out[c]))
+      return std::numeric_limits<double>::infinity();
+    else if (sent[c] > 0.0)
+      worst = std::max(worst, std::abs(out[c] - sent[c]) / sent[c]);
   return worst;
 }
 

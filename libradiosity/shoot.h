@@ -25,7 +25,7 @@ struct Energy {
   glm::dvec3 backs{0.0};     ///< taken by backs of one-sided surfaces
   glm::dvec3 left{0.0};      ///< out of the level
   glm::dvec3 unsent{0.0};    ///< still to be sent when the passes ended
-  /// |in - out| / in, the worst channel.
+  /// |in - out| / in, the worst channel; infinite where a sum is not finite.
   double imbalance() const;
 };
 

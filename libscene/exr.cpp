@@ -14,6 +14,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "libscene/exr_header.h"
+
 namespace lmc {
 
 namespace {
@@ -82,20 +84,17 @@ void writeExr(OutputFile& file, int width, int height, const std::vector<ExrChan
 ExrImage readExr(const std::filesystem::path& path, std::uint64_t maxPixels) {
   std::vector<std::uint8_t> bytes = readFile(path);
   try {
+    checkExrHeader(path, bytes, maxPixels);
     Source source(std::move(bytes));
     Imf::InputFile in(source, 1);
     const Imf::Header& header = in.header();
     const Imath::Box2i window = header.dataWindow();
     const std::int64_t w = std::int64_t(window.max.x) - window.min.x + 1, h = std::int64_t(window.max.y) - window.min.y + 1;
-    if (w <= 0 || h <= 0 || w > 1 << 20 || h > 1 << 20 || std::uint64_t(w) * std::uint64_t(h) > maxPixels)
-      throw Error(Exit::Broken, path, "", fmt::format("a picture of {} x {} is above the limit", w, h), "LMC_TEXTURE_TOO_LARGE");
     ExrImage image;
     image.width = int(w);
     image.height = int(h);
     Imf::FrameBuffer frame;
     for (auto c = header.channels().begin(); c != header.channels().end(); ++c) {
-      if (c.channel().xSampling != 1 || c.channel().ySampling != 1)
-        throw Error(Exit::Unsupported, path, "", "subsampled channels are not supported");
       std::vector<float>& data = image.channels[c.name()];
       data.resize(std::size_t(w * h));
       char* base = reinterpret_cast<char*>(data.data()) - (std::ptrdiff_t(window.min.y) * w + window.min.x) * std::ptrdiff_t(sizeof(float));

@@ -27,7 +27,7 @@ struct ExrImage {
   std::map<std::string, float> attributes;  ///< float attributes only
 };
 
-/// Every channel as float. Throws Error Io or Broken; refuses pictures of more than maxPixels before anything is decoded.
+/// Every channel as float. Throws Error Io, or what checkExrHeader (exr_header.h) throws before anything is decoded.
 ExrImage readExr(const std::filesystem::path&, std::uint64_t maxPixels = std::uint64_t(1) << 28);
 
 }  // namespace lmc

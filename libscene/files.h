@@ -30,20 +30,25 @@ class OutputFile {
 
  private:
   friend class OutputSet;
-  OutputFile(const std::filesystem::path& target, const std::filesystem::path& temporary);
+  explicit OutputFile(const std::filesystem::path& target);
   void flush();
   void finish();  ///< flush, fsync, check the size
   void rename();
-  void fail(std::string_view doing, int error) const;
+  /// Remembered, for OpenEXR swallows what its destructor meets: finish() says it again.
+  [[noreturn]] void fail(const char* doing, int error);
   std::filesystem::path target_, temporary_;
   int fd_ = -1;
   std::vector<char> buffer_;
   std::uint64_t position_ = 0, bufferStart_ = 0, size_ = 0;
+  const char* failedDoing_ = nullptr;
+  int failedBy_ = 0;
   bool renamed_ = false;
+  std::size_t remembered_ = 0;  ///< among the names of removeTemporaryFiles()
 };
 
 /// Files that appear together: none under its final name before all are complete; renamed in the order in which they were opened, so
-/// that what vouches for the set is opened last. Without commit() nothing is left behind and old files stay as they were.
+/// that what vouches for the set is opened last. Without commit() nothing is left behind and old files stay as they were. Temporary files
+/// of runs that were killed go; those of runs at work are locked, and stay. Sets that are committed to one folder at a time do not mix.
 class OutputSet {
  public:
   /// Makes the folder when it is missing and proves that it can be written to, before any work is done.
@@ -61,6 +66,11 @@ class OutputSet {
 
 /// One file by the same rules.
 void writeFileWhole(const std::filesystem::path& file, std::string_view bytes);
+
+/// Whether a set is just getting its names: a moment, in which no signal should end the process. Async-signal-safe.
+bool isNamingFiles() noexcept;
+/// Unlinks every temporary file of this process: for a signal handler that ends it (async-signal-safe).
+void removeTemporaryFiles() noexcept;
 
 /// 16 hexadecimal digits of XXH3-64.
 std::string contentHash(std::span<const std::uint8_t> bytes);

@@ -415,6 +415,8 @@ tinygltf::Model typedModel(const GltfFile& file) {
   bool done = false;
   try {
     done = parser.LoadASCIIFromString(&model, &error, &warning, text.data(), unsigned(text.size()), "");
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& e) {
     error = e.what();
   }

@@ -534,6 +534,8 @@ void Loader::report() {
   };
   count(partReport_.degenerate, "triangles have no area and are left out", "LMC_DEGENERATE_TRIANGLE", false);
   count(partReport_.normalsNotUnit, "normals are not of length 1 and are normalised", "LMC_NORMAL_NOT_UNIT", false);
+  count(partReport_.normalsOpposite, "normals point away from every face at their vertex and are made from the faces",
+        "LMC_NORMAL_OPPOSITE", true);
   count(partReport_.normalsRebuilt, "normals are zero or not finite and are made from the faces", "LMC_NORMAL_ZERO", true);
   count(flattened_, "mesh nodes are flattened by a scale of 0 or a singular matrix", "LMC_MATRIX_SINGULAR", true);
   count(notUnitRotations_, "rotations are not of length 1 and are normalised", "LMC_ROTATION", true);

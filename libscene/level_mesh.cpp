@@ -140,7 +140,7 @@ void makeFlat(Part& part) {
 
 /// Unit normals; the bad ones become the area-weighted mean of the faces at their vertex.
 void mendNormals(Part& part, PartReport& report) {
-  std::vector<bool> bad(part.normals.size(), false);
+  std::vector<bool> bad(part.normals.size(), false), opposite(part.normals.size(), false);
   bool any = false;
   for (std::size_t v = 0; v < part.normals.size(); ++v) {
     const double length = glm::length(glm::dvec3(part.normals[v]));
@@ -151,17 +151,25 @@ void mendNormals(Part& part, PartReport& report) {
       bad[v] = any = true;
     }
   }
-  if (!any) return;
-  std::vector<glm::dvec3> sums(part.normals.size(), glm::dvec3(0.0));
-  std::vector<bool> used(part.normals.size(), false);
+  // One that looks away from every face at its vertex would make a front dark in full light.
+  std::vector<bool> agrees(part.normals.size(), false), used(part.normals.size(), false);
   for (const glm::uvec3& t : part.triangles)
     for (int c = 0; c < 3; ++c) {
-      sums[t[c]] += twiceArea(part, t);
       used[t[c]] = true;
+      if (!bad[t[c]] && glm::dot(glm::dvec3(part.normals[t[c]]), twiceArea(part, t)) >= 0.0) agrees[t[c]] = true;
     }
+  for (std::size_t v = 0; v < part.normals.size(); ++v)
+    if (used[v] && !bad[v] && !agrees[v]) {
+      bad[v] = opposite[v] = any = true;
+      ++report.normalsOpposite;
+    }
+  if (!any) return;
+  std::vector<glm::dvec3> sums(part.normals.size(), glm::dvec3(0.0));
+  for (const glm::uvec3& t : part.triangles)
+    for (int c = 0; c < 3; ++c) sums[t[c]] += twiceArea(part, t);
   for (std::size_t v = 0; v < part.normals.size(); ++v) {
     if (!bad[v]) continue;
-    report.normalsRebuilt += used[v];
+    report.normalsRebuilt += used[v] && !opposite[v];
     const double length = glm::length(sums[v]);
     part.normals[v] = length > 0.0 ? glm::vec3(sums[v] / length) : glm::vec3(0.0f, 1.0f, 0.0f);
   }

@@ -30,6 +30,7 @@ std::vector<glm::uvec3> readTriangles(const GltfFile& file, const tinygltf::Mode
 
 struct PartReport {
   std::uint64_t degenerate = 0;      ///< triangles without area, left out
+  std::uint64_t normalsOpposite = 0;  ///< away from every face at the vertex, made from them
   std::uint64_t normalsRebuilt = 0;  ///< zero or not finite, made from the faces at the vertex
   std::uint64_t normalsNotUnit = 0;  ///< length off by more than a tenth
 };

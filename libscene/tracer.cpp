@@ -24,6 +24,7 @@ bool isDegenerate(const std::array<glm::dvec3, 3>& c) {
 
 namespace {
 
+constexpr int kBacksInAPlane = 4;
 constexpr std::size_t kBatch = 256;  // rays of one texel that go to Embree at once
 
 /// One Embree geometry and which triangles of the scene it holds.
@@ -120,8 +121,11 @@ struct Tracer::Device {
 Tracer::Tracer(const Scene& scene) : device_(std::make_unique<Device>()) {
   Device& d = *device_;
   d.device = rtcNewDevice(nullptr);
-  if (!d.device)
-    throw Error(Exit::Internal, "", "", fmt::format("the ray tracer does not start (Embree error {})", int(rtcGetDeviceError(nullptr))));
+  if (!d.device) {
+    const RTCError e = rtcGetDeviceError(nullptr);
+    if (e == RTC_ERROR_OUT_OF_MEMORY) throw Error(Exit::Limit, scene.file, "", "not enough memory for the ray tracer", "LMC_MEMORY");
+    throw Error(Exit::Internal, "", "", fmt::format("the ray tracer does not start (Embree error {})", int(e)));
+  }
   rtcSetDeviceMemoryMonitorFunction(d.device, Device::onMemory, &d);
   d.scene = rtcNewScene(d.device);
   rtcSetSceneFlags(d.scene, RTC_SCENE_FLAG_ROBUST);
@@ -228,8 +232,45 @@ void Tracer::closest(std::span<const Ray> rays, std::span<Hit> hits, Purpose pur
     }
     rtcIntersect1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRayHit));
     for (std::size_t i = 0; i < n; ++i) hits[at + i] = device_->toHit(buffer[i]);
+    preferFronts(rays.subspan(at, n), hits.subspan(at, n));
   }
   counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
+}
+
+/// A back that is met may lie in the plane of a front, or before it by what vertices are rounded by: then rays that come from the front's
+/// room must see the front. From each back that was met a second ray looks as far as lift_m() goes, square to the back.
+void Tracer::preferFronts(std::span<const Ray> rays, std::span<Hit> hits) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRayHit second;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    Hit& hit = hits[i];
+    if (!hit || hit.front) continue;
+    const auto c = device_->parts[0].scene->corners_m(hit.triangle);
+    const glm::dvec3 n = glm::normalize(glm::cross(c[1] - c[0], c[2] - c[0]));
+    const double slope = std::abs(glm::dot(n, glm::dvec3(rays[i].direction)));
+    second.ray = toEmbree(rays[i]);
+    // From as far before it, too: of two in one plane either may have been met.
+    const double reach = double(lift_m_) / slope;
+    second.ray.tnear = float(std::max(0.0, double(hit.t) - reach));
+    second.ray.tfar = float(std::min(double(rays[i].tFar), double(hit.t) + reach));
+    if (!(second.ray.tnear < second.ray.tfar) || !std::isfinite(second.ray.tfar)) continue;
+    // Past backs: each one that is met moves the start on, a few at most.
+    for (int attempt = 0; attempt < kBacksInAPlane; ++attempt) {
+      second.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      second.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+      const float far = second.ray.tfar;
+      rtcIntersect1(device_->scene, &context, &second);
+      const Hit other = device_->toHit(second);
+      if (!other) break;
+      if (other.front) {
+        hit = other;
+        break;
+      }
+      second.ray.tnear = std::nextafter(other.t, INFINITY);
+      second.ray.tfar = far;
+    }
+  }
 }
 
 std::uint64_t Tracer::rays(Purpose purpose) const { return counts_[std::size_t(purpose)].load(); }

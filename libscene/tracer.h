@@ -39,7 +39,8 @@ struct Hit {
 };
 
 /// Static geometry that blocks light: objects with `cast`, but for Blend and transmissive materials; Mask materials with their holes.
-/// Both sides block. Thread-safe; results do not depend on threads or batches.
+/// Both sides block. Where a back lies within roundings before a front, walls that share a plane or reach through each other by a rounding,
+/// closest() gives the front. Thread-safe; results do not depend on threads or batches.
 class Tracer {
  public:
   explicit Tracer(const Scene&);
@@ -68,6 +69,7 @@ class Tracer {
   std::uint64_t bytes() const;                                       ///< held by Embree
 
  private:
+  void preferFronts(std::span<const Ray>, std::span<Hit>) const;
   struct Device;
   std::unique_ptr<Device> device_;
   float lift_m_ = 0.0f;

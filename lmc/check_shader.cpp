@@ -7,6 +7,7 @@
 
 #include "libscene/parallel.h"
 #include "lmc/bake.h"
+#include "lmc/progress.h"
 #include "lmc/shade_level.h"
 #include "lmc/shade_picture.h"
 #include "shaders/check.h"
@@ -81,8 +82,8 @@ void warnOfStrangers(const std::filesystem::path& folder) {
   }
   std::ranges::sort(strangers);
   for (const auto& file : strangers)
-    fmt::print(stderr, "{}\n",
-               line("warning", file.string(), "", "has the name of none of lmc's shaders; it is not looked at", "LMC_SHADER"));
+    tell(fmt::format("{}\n",
+                     line("warning", file.string(), "", "has the name of none of lmc's shaders; it is not looked at", "LMC_SHADER")));
 }
 
 }  // namespace

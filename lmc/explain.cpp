@@ -22,7 +22,8 @@ constexpr std::uint32_t kRays = 4096;    // over its hemisphere
 constexpr std::size_t kShown = 8;        // surfaces that send light, things in the way
 constexpr std::uint32_t kStream = 0xe7;  // of random numbers: apart from those of the bake
 
-Json rgb(const glm::dvec3& c) { return Json::array({c.x, c.y, c.z}); }
+Json vector(const glm::dvec3& c) { return Json::array({c.x, c.y, c.z}); }
+Json lux(const Bake& b, const glm::dvec3& c) { return vector(b.lightUnit * c); }
 double mean3(const glm::dvec3& c) { return (c.x + c.y + c.z) / 3.0; }
 
 /// Rays that met each object.
@@ -79,8 +80,8 @@ class ExplainedTexel {
       }
       out.push_back({{"light", b_.scene.lights[l].path},
                      {"kind", kKinds[std::size_t(b_.scene.lights[l].kind)]},
-                     {"illuminance", rgb(given)},
-                     {"unblocked", rgb(unblocked)},
+                     {"illuminance", lux(b_, given)},
+                     {"unblocked", lux(b_, unblocked)},
                      {"blocked_by", blockersOf(b_, met, rays)}});
     }
     return out;
@@ -96,7 +97,7 @@ class ExplainedTexel {
       const DirectPart part = b_.direct->emitters(places_, ids, numbers_);
       if (part.unshadowed == glm::dvec3(0.0)) continue;
       out.push_back(
-          {{"object", b_.scene.objects[object].path}, {"illuminance", rgb(part.illuminance)}, {"unblocked", rgb(part.unshadowed)}});
+          {{"object", b_.scene.objects[object].path}, {"illuminance", lux(b_, part.illuminance)}, {"unblocked", lux(b_, part.unshadowed)}});
     }
     return out;
   }
@@ -120,13 +121,13 @@ class ExplainedTexel {
       share += 1.0 / double(kRays);
       if (b_.field) light += 0.5 * glm::dvec3(b_.field->at(hit, 0).exitance + b_.field->at(hit, 1).exitance) / double(kRays);
     }
-    sky = {{"share", left}, {"illuminance", rgb(kPi * left * glm::dvec3(b_.scene.sky))}};
+    sky = {{"share", left}, {"illuminance", lux(b_, kPi * left * glm::dvec3(b_.scene.sky))}};
     std::vector<std::pair<std::uint32_t, std::pair<glm::dvec3, double>>> order(from.begin(), from.end());
     std::ranges::stable_sort(order, [](const auto& a, const auto& c) { return mean3(a.second.first) > mean3(c.second.first); });
     surfaces = Json::array();
     for (std::size_t i = 0; i < std::min(kShown, order.size()); ++i)
       surfaces.push_back({{"object", b_.scene.objects[order[i].first].path},
-                          {"illuminance", rgb(order[i].second.first)},
+                          {"illuminance", lux(b_, order[i].second.first)},
                           {"share_of_view", order[i].second.second}});
   }
 
@@ -168,8 +169,8 @@ Json explainTexel(const Bake& b) {
   const SurfacePoint p = texel.middle();
   Json out = {{"texel", {x, y, map}},
               {"object", b.scene.objects[b.map.object[i]].path},
-              {"position_m", rgb(p.position_m + b.scene.centre_m)},
-              {"normal", rgb(p.normal)},
+              {"position_m", vector(p.position_m + b.scene.centre_m)},
+              {"normal", vector(p.normal)},
               {"coverage", texel.coverage()},
               {"hemisphere_rays", 2 * std::uint64_t(b.map.rays[i])}};
   if (!b.tracer || !b.direct) return out;
@@ -183,9 +184,9 @@ Json explainTexel(const Bake& b) {
 
 void addValues(Json& explained, const Bake& b) {
   const std::size_t i = indexOf(b);
-  explained["direct"] = rgb(glm::dvec3(b.values.direct[i]));
-  explained["indirect"] = rgb(glm::dvec3(b.values.indirect[i]));
-  explained["standard_error"] = rgb(glm::dvec3(b.values.error[i]));
+  explained["direct"] = lux(b, glm::dvec3(b.values.direct[i]));
+  explained["indirect"] = lux(b, glm::dvec3(b.values.indirect[i]));
+  explained["standard_error"] = lux(b, glm::dvec3(b.values.error[i]));
 }
 
 std::string explainText(const Json& e) {

@@ -4,13 +4,14 @@
 
 #include "libscene/files.h"
 #include "lmc/bake.h"
+#include "lmc/progress.h"
 
 namespace lmc {
 
 Run talkingRun(int threads) {
   Run run = stoppableRun(threads);
   run.onMessage = [](const Message& m) {
-    fmt::print(stderr, "{}\n", line(m.level == Message::Level::Warning ? "warning" : "note", m.file, m.where, m.text, m.code));
+    tell(fmt::format("{}\n", line(m.level == Message::Level::Warning ? "warning" : "note", m.file, m.where, m.text, m.code)));
   };
   return run;
 }

@@ -6,12 +6,15 @@
 #include <csignal>
 #include <cstdio>
 #include <new>
+#include <system_error>
 
+#include "libscene/files.h"
 #include "lmc/ao.h"
 #include "lmc/bake.h"
 #include "lmc/check_shader.h"
 #include "lmc/compare.h"
 #include "lmc/normals.h"
+#include "lmc/progress.h"
 #include "lmc/shade.h"
 #include "lmc/tangents.h"
 #include "lmc/uv_jobs.h"
@@ -19,10 +22,25 @@
 
 namespace {
 
-extern "C" void onSignal(int signal) {
-  if (lmc::askedToStop() != 0) _exit(128 + signal);  // asked twice: at once
-  lmc::askToStop(signal);
+// The stages look often, but not within every outside library: who is asked to stop does so within this.
+constexpr unsigned kPatience_us = 800'000, kMoment_us = 10'000;
+
+void leave(int signal) {
+  if (lmc::isNamingFiles()) {  // a set is all but there
+    ualarm(kMoment_us, 0);
+    return;
+  }
+  lmc::removeTemporaryFiles();
+  _exit(128 + signal);
 }
+
+extern "C" void onSignal(int signal) {
+  if (lmc::askedToStop() != 0) return leave(signal);  // asked twice
+  lmc::askToStop(signal);
+  ualarm(kPatience_us, 0);
+}
+
+extern "C" void onAlarm(int) { leave(lmc::askedToStop()); }
 
 void prepareProcess() {
   // Files that are opened must never land on descriptors 0 to 2, or the log would be written into them.
@@ -30,6 +48,7 @@ void prepareProcess() {
     if (fcntl(fd, F_GETFD) < 0) static_cast<void>(open("/dev/null", O_RDWR));
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGALRM, onAlarm);
   std::signal(SIGINT, onSignal);
   std::signal(SIGTERM, onSignal);
 }
@@ -66,16 +85,19 @@ int main(int argc, char** argv) {
   try {
     return runProgram(argc, argv);
   } catch (const lmc::Cancelled&) {
-    fmt::print(stderr, "stopped\n");
+    lmc::tell("stopped\n");
     return 128 + lmc::askedToStop();
   } catch (const lmc::Error& e) {
-    fmt::print(stderr, "{}\n", e.what());
+    lmc::tell(fmt::format("{}\n", e.what()));
     return int(e.kind);
   } catch (const std::bad_alloc&) {
     std::fputs("lmc: error: out of memory [LMC_MEMORY]\n", stderr);
     return int(lmc::Exit::Limit);
+  } catch (const std::system_error& e) {  // fmt's, of stdout: every file of ours ends in an Error
+    lmc::tell(fmt::format("{}\n", lmc::line("error", "standard output", "", std::string("cannot be written: ") + e.what(), "LMC_FILE")));
+    return int(lmc::Exit::Io);
   } catch (const std::exception& e) {
-    fmt::print(stderr, "{}\n", lmc::line("error", "lmc", "", std::string("internal: ") + e.what(), "LMC_INTERNAL"));
+    lmc::tell(fmt::format("{}\n", lmc::line("error", "lmc", "", std::string("internal: ") + e.what(), "LMC_INTERNAL")));
     return int(lmc::Exit::Internal);
   }
 }

@@ -20,7 +20,7 @@ namespace {
 void writeMap(OutputFile& file, const Bake& b, int k) {
   const auto side = std::size_t(b.uv.side);
   const std::size_t first = std::size_t(k) * side * side, n = side * side;
-  const float scale = b.scales[std::size_t(k)], unit = 1.0f / scale;
+  const float scale = b.scales[std::size_t(k)], unit = float(b.lightUnit / double(scale));
   std::vector<Rgb> total(n), direct(n), indirect(n), error(n);
   std::vector<float> covered(n);
   for (std::size_t i = 0; i < n; ++i) {

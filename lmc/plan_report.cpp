@@ -132,30 +132,31 @@ Json forecastOf(const Bake& b, const std::vector<StageTime>& stages) {
 
 Json factsOf(const Bake& b) {
   const Facts& f = b.facts;
-  Json out = {{"lights",
-               {{"point", f.pointLights},
-                {"spot", f.spotLights},
-                {"directional", f.directionalLights},
-                {"dark", f.darkLights},
-                {"with_range", f.rangedLights},
-                {"dynamic", f.dynamicLights}}},
-              {"emissive", {{"triangles", f.emissiveTriangles}, {"area_m2", f.emissiveArea_m2}, {"power_lm", f.emissivePower_lm}}},
-              {"sky", f.sky},
-              {"grey", f.grey},
-              {"receivers", f.receivers},
-              {"blockers", f.blockers},
-              {"masked_triangles", f.maskedTriangles},
-              {"mirrored_objects", f.mirroredObjects},
-              {"dynamic_meshes", f.dynamicMeshes},
-              {"tangent_materials", f.tangentMaterials},
-              {"metallic_materials", f.shinyMaterials},
-              {"largest_reflectance", f.largestReflectance},
-              {"shape", shapeName(f.shape)},
-              {"lamps_in_front", f.lampsInFront}};
+  Json out = {
+      {"lights",
+       {{"point", f.pointLights},
+        {"spot", f.spotLights},
+        {"directional", f.directionalLights},
+        {"dark", f.darkLights},
+        {"with_range", f.rangedLights},
+        {"dynamic", f.dynamicLights}}},
+      {"emissive", {{"triangles", f.emissiveTriangles}, {"area_m2", f.emissiveArea_m2}, {"power_lm", f.emissivePower_lm * b.lightUnit}}},
+      {"sky", f.sky},
+      {"grey", f.grey},
+      {"receivers", f.receivers},
+      {"blockers", f.blockers},
+      {"masked_triangles", f.maskedTriangles},
+      {"mirrored_objects", f.mirroredObjects},
+      {"dynamic_meshes", f.dynamicMeshes},
+      {"tangent_materials", f.tangentMaterials},
+      {"metallic_materials", f.shinyMaterials},
+      {"largest_reflectance", f.largestReflectance},
+      {"shape", shapeName(f.shape)},
+      {"lamps_in_front", f.lampsInFront}};
   if (f.smoothSeams) out["smooth_seams"] = *f.smoothSeams;
   if (!f.pilot) return out;
   const Pilot& p = *f.pilot;
-  out["mean_illuminance_lx"] = p.mean_lx;
+  out["mean_illuminance_lx"] = p.mean_lx * b.lightUnit;
   out["open_share"] = p.openShare;
   out["mean_albedo"] = p.meanAlbedo;
   out["passes"] = p.bounces;
@@ -195,8 +196,8 @@ std::string planText(const Bake& b, const std::vector<StageTime>& stages) {
                     double(all["cpu_seconds"]), double(all["least_cpu_seconds"]), double(all["most_cpu_seconds"]),
                     rayText(double(all["rays"])), sizeText(b.memory.wanted_bytes), percent(b.plan.leftOut), percent(b.plan.leftOutObject));
     out += fmt::format("pilot: mean {:.3g} lx, mean albedo {:.2g}, {} of rays leave the level, {} passes, {} rays in {:.2g} CPU s\n",
-                       f.pilot->mean_lx, f.pilot->meanAlbedo, percent(f.pilot->openShare), f.pilot->bounces, rayText(f.pilot->rays),
-                       f.pilot->cpu_s);
+                       f.pilot->mean_lx * b.lightUnit, f.pilot->meanAlbedo, percent(f.pilot->openShare), f.pilot->bounces,
+                       rayText(f.pilot->rays), f.pilot->cpu_s);
   }
   out += fmt::format("level: {} receivers, {} triangles cast shadows ({} with holes), {}, {}\n", f.receivers, f.blockers, f.maskedTriangles,
                      f.grey ? "grey" : "coloured", f.shape == Shape::Any ? "not convex" : shapeName(f.shape));

@@ -17,6 +17,8 @@ using Clock = std::chrono::steady_clock;
 double since(Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); }
 }  // namespace
 
+void tell(std::string_view text) { static_cast<void>(std::fwrite(text.data(), 1, text.size(), stderr)); }
+
 double cpuSeconds() {
   rusage u{};
   getrusage(RUSAGE_SELF, &u);
@@ -43,7 +45,7 @@ Progress::Progress(ProgressKind kind) : kind_(kind), start_(Clock::now()), lastS
 }
 
 void Progress::clearBar() {
-  if (barShown_) fmt::print(stderr, "\r\x1b[K");
+  if (barShown_) tell(fmt::format("\r\x1b[K"));
   barShown_ = false;
 }
 
@@ -62,14 +64,14 @@ void Progress::update(double shareOfStage) {
   const double done = before_ + share_ * shareOfStage, elapsed = since(start_);
   const double left = done > 0.02 ? elapsed * (1.0 - done) / done : -1.0;
   if (kind_ == ProgressKind::Json) {
-    fmt::print(
-        stderr, "{}\n",
-        nlohmann::json{{"stage", stage_}, {"stage_done", shareOfStage}, {"done", done}, {"elapsed_s", elapsed}, {"left_s", left}}.dump());
+    tell(fmt::format(
+        "{}\n",
+        nlohmann::json{{"stage", stage_}, {"stage_done", shareOfStage}, {"done", done}, {"elapsed_s", elapsed}, {"left_s", left}}.dump()));
     return;
   }
   const int width = 30, full = int(done * width);
-  fmt::print(stderr, "\r\x1b[K[{}{}] {:3.0f} %  {:<8} {}", std::string(std::size_t(full), '#'), std::string(std::size_t(width - full), '.'),
-             100.0 * done, stage_, left >= 0.0 ? fmt::format("{:.0f} s left", left) : std::string());
+  tell(fmt::format("\r\x1b[K[{}{}] {:3.0f} %  {:<8} {}", std::string(std::size_t(full), '#'), std::string(std::size_t(width - full), '.'),
+                   100.0 * done, stage_, left >= 0.0 ? fmt::format("{:.0f} s left", left) : std::string()));
   std::fflush(stderr);
   barShown_ = true;
 }
@@ -79,21 +81,21 @@ void Progress::end(const StageTime& t) {
   clearBar();
   if (kind_ == ProgressKind::None) return;
   if (kind_ == ProgressKind::Json) {
-    fmt::print(stderr, "{}\n",
-               nlohmann::json{{"stage", t.name}, {"seconds", t.seconds}, {"cpu_s", t.cpuSeconds}, {"rays", t.rays}, {"summary", t.summary}}
-                   .dump());
+    tell(fmt::format(
+        "{}\n", nlohmann::json{{"stage", t.name}, {"seconds", t.seconds}, {"cpu_s", t.cpuSeconds}, {"rays", t.rays}, {"summary", t.summary}}
+                    .dump()));
     return;
   }
-  fmt::print(stderr, "{:<8} {:8.2f} s  {:>12} rays  {}\n", t.name, t.seconds, t.rays, t.summary);
+  tell(fmt::format("{:<8} {:8.2f} s  {:>12} rays  {}\n", t.name, t.seconds, t.rays, t.summary));
 }
 
 void Progress::say(const std::string& text) {
   const std::lock_guard lock(mutex_);
   clearBar();
   if (kind_ == ProgressKind::Json)
-    fmt::print(stderr, "{}\n", nlohmann::json{{"message", text}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    tell(fmt::format("{}\n", nlohmann::json{{"message", text}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
   else
-    fmt::print(stderr, "{}\n", text);
+    tell(fmt::format("{}\n", text));
 }
 
 }  // namespace lmc

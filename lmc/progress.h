@@ -3,6 +3,7 @@
 #include <chrono>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "lmc/options.h"
@@ -20,6 +21,9 @@ struct StageTime {
 double cpuSeconds();          ///< user and system time of this process
 std::uint64_t peakBytes();    ///< largest resident size so far
 std::uint64_t memoryBytes();  ///< of this machine, or the process's own limit if that is less
+
+/// Text for stderr; a log that cannot be written ends no work.
+void tell(std::string_view text);
 
 class Progress {
  public:

@@ -53,15 +53,16 @@ Json uvOf(const UvLayout& uv, const Scene& scene) {
 }
 namespace {
 Json seamsOf(const Bake& b) {
-  const auto jump = [](const SeamJump& j) {
-    return Json{{"rms_lx", j.rms}, {"largest_lx", j.largest}, {"rms", j.relativeRms}, {"largest", j.relativeLargest}};
+  const auto jump = [&b](const SeamJump& j) {
+    return Json{
+        {"rms_lx", b.lightUnit * j.rms}, {"largest_lx", b.lightUnit * j.largest}, {"rms", j.relativeRms}, {"largest", j.relativeLargest}};
   };
   const SeamResult& c = b.closed;
   return {{"pairs", b.seams.smooth.size()}, {"creases", b.seams.creases},
           {"samples", c.samples.size()},    {"before", jump(c.before)},
           {"after", jump(c.after)},         {"texels", c.texels},
           {"padding", c.padding},           {"texels_moved", c.moved},
-          {"texels_at_limit", c.limited},   {"largest_move_lx", c.largestMove_lx},
+          {"texels_at_limit", c.limited},   {"largest_move_lx", b.lightUnit * c.largestMove_lx},
           {"largest_move", c.largestMove},  {"rms_move", c.rmsMove}};
 }
 }  // namespace
@@ -98,7 +99,8 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     hi = std::max(hi, double(strength(v)));
   }
   if (b.openness.asked > 0) r["ao"] = aoOf(b.openness, b.options.ao.how);
-  r["illuminance"] = {{"unit", "lx"}, {"mean", rgb(mean)}, {"min", e.texels > 0 ? lo : 0.0}, {"max", hi}};
+  r["illuminance"] = {
+      {"unit", "lx"}, {"mean", rgb(b.lightUnit * mean)}, {"min", e.texels > 0 ? b.lightUnit * lo : 0.0}, {"max", b.lightUnit * hi}};
   r["maps"] = Json::array();
   for (std::size_t k = 0; k < b.scales.size(); ++k)
     r["maps"].push_back({{"file", mapNames(b, "lightmap", "exr")[k]}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", b.scales[k]}});
@@ -125,11 +127,11 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     if (b.solver == Solver::Hierarchical) r["solver"]["links"] = linksOf(b);
     const Energy& g = s.energy;
     r["energy"] = {{"unit", "lm"},
-                   {"sent", rgb(g.sent)},
-                   {"absorbed", rgb(g.absorbed)},
-                   {"back_faces", rgb(g.backs)},
-                   {"left_the_level", rgb(g.left)},
-                   {"unsent", rgb(g.unsent)},
+                   {"sent", rgb(b.lightUnit * g.sent)},
+                   {"absorbed", rgb(b.lightUnit * g.absorbed)},
+                   {"back_faces", rgb(b.lightUnit * g.backs)},
+                   {"left_the_level", rgb(b.lightUnit * g.left)},
+                   {"unsent", rgb(b.lightUnit * g.unsent)},
                    {"balance", g.imbalance()}};
   } else {
     r["energy"] = {{"balance", 0.0}};

@@ -10,6 +10,7 @@
 #include "libscene/constants.h"
 #include "libscene/exr.h"
 #include "libscene/level.h"
+#include "lmc/progress.h"
 #include "lmc/sidecar.h"
 #include "lmc/tangent_loop.h"
 
@@ -167,8 +168,8 @@ LoadedLevel loadForShader(const fs::path& levelOrFolder, const std::string& came
       throw Error(Exit::Broken, levelOrFolder / "level.lmc.json", "/maps", "lacks a map that the level names");
   withThreads(run, [&] { addMissingTangents(out.level, run); });
   if (!hasLight(out)) {
-    fmt::print(stderr, "{}\n",
-               line("note", levelOrFolder.string(), "", "has neither maps nor lights; one is put at the camera", "LMC_NO_LIGHT"));
+    tell(fmt::format("{}\n",
+                     line("note", levelOrFolder.string(), "", "has neither maps nor lights; one is put at the camera", "LMC_NO_LIGHT")));
     addHeadlight(out.level, cameraFor(scene, camera));
   }
   return out;

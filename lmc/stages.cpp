@@ -41,6 +41,22 @@ void load(Bake& b) {
 
 namespace {
 
+// The strongest light beyond 2^+-40 of a unit is brought back to about 1: squares of it, and of what it makes at 1e6 times the distance,
+// are then still floats.
+constexpr int kOrdinaryLight = 40;
+
+void chooseLightUnit(Bake& b) {
+  float strongest = strength(b.scene.sky);
+  for (const Light& l : b.scene.lights) strongest = std::max(strongest, strength(l.intensity));
+  for (const Material& m : b.scene.materials) strongest = std::max(strongest, strength(m.emission));
+  if (!(strongest > 0.0f) || std::abs(std::ilogb(strongest)) <= kOrdinaryLight) return;
+  b.lightUnit = std::ldexp(1.0, std::ilogb(strongest));
+  const auto inUnits = [&](Rgb& c) { c = Rgb(glm::dvec3(c) / b.lightUnit); };
+  inUnits(b.scene.sky);
+  for (Light& l : b.scene.lights) inUnits(l.intensity);
+  for (Material& m : b.scene.materials) inUnits(m.emission);
+}
+
 /// What does not run is not there for the stages that follow.
 void dropWhatDoesNotRun(Bake& b) {
   if (!b.plan.runs(Effect::Direct)) b.scene.lights.clear();
@@ -52,6 +68,7 @@ void dropWhatDoesNotRun(Bake& b) {
 }  // namespace
 
 void plan(Bake& b) {
+  chooseLightUnit(b);
   b.facts = factsOf(b.scene);
   b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);
   for (const Step& s : b.plan.steps)
@@ -310,13 +327,29 @@ void solveByShooting(Bake& b) {
         for (Rgb& e : E) e /= scale;
         OutputSet set(b.options.out / "passes");
         writeExr(set.open(fmt::format("pass.{:03}.exr", pass)), b.map.width, b.map.height,
-                 {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale}});
+                 {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale * float(b.lightUnit)}});
         set.commit();
       };
     const Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
     b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
   }
   b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
+}
+
+}  // namespace
+
+namespace {
+
+/// Path of the object that has the first value which is not finite, else the one that most bounced light falls on.
+std::string suspectOf(const Bake& b, const Bounced& illuminance) {
+  std::vector<double> light(b.scene.objects.size(), 0.0);
+  for (std::size_t i = 0; i < illuminance.size(); ++i) {
+    const Patch& p = b.patches.patches[i];
+    const double flux = p.area_m2 * double(illuminance[i].r + illuminance[i].g + illuminance[i].b);
+    if (!std::isfinite(flux)) return b.scene.objects[p.object].path;
+    light[p.object] += flux;
+  }
+  return light.empty() ? std::string() : b.scene.objects[std::size_t(std::ranges::max_element(light) - light.begin())].path;
 }
 
 }  // namespace
@@ -346,11 +379,17 @@ void solve(Bake& b) {
   }
   for (const Solution& s : b.solutions) {
     const double off = s.energy.imbalance();
-    if (!std::isfinite(off) || off > kFailImbalance)
+    if (off > kFailImbalance)
       throw Error(Exit::Numerical, b.scene.file, "",
-                  fmt::format("energy does not balance: {:.3g} of the bounced light is made or lost", off), "LMC_ENERGY");
+                  fmt::format("energy does not balance: {:.3g} of the bounced light is made or lost; most of it is about object '{}'", off,
+                              suspectOf(b, s.illuminance)),
+                  "LMC_ENERGY");
     if (off > kWarnImbalance)
-      b.run.warn({{}, b.scene.file.string(), "", fmt::format("energy is off balance by {:.2g}", off), "LMC_ENERGY"});
+      b.run.warn({{},
+                  b.scene.file.string(),
+                  "",
+                  fmt::format("energy is off balance by {:.2g}; most of it is about object '{}'", off, suspectOf(b, s.illuminance)),
+                  "LMC_ENERGY"});
   }
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
   b.field = std::make_unique<Field>(b.scene, b.patches, seen, *b.texels, b.patchLight,
@@ -399,6 +438,9 @@ void finish(Bake& b) {
   for (const float most : largest) {
     b.scales.push_back(1.0f);
     while (most / b.scales.back() > 32768.0f) b.scales.back() *= 2.0f;
+    b.scales.back() = float(double(b.scales.back()) * b.lightUnit);
+    if (!std::isfinite(b.scales.back()))
+      throw Error(Exit::Numerical, b.scene.file, "", "the level is too bright for 32-bit floats", "LMC_NOT_FINITE");
   }
   b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate,
                           100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);

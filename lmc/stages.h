@@ -25,6 +25,9 @@ struct Bake {
 
   Scene scene;  // load
   Facts facts;  // plan, pilot
+  /// Light is worked on in units of so many lumen (a power of two, 1 in ordinary levels), so that squares of it stay within floats; maps
+  /// carry it in their scale.
+  double lightUnit = 1.0;
   Plan plan;
   UvLayout uv;  // charts
   MemoryPlan memory;

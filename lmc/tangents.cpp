@@ -11,6 +11,7 @@
 
 #include "libscene/files.h"
 #include "libscene/parallel.h"
+#include "lmc/progress.h"
 #include "lmc/tangent_loop.h"
 
 namespace lmc {
@@ -289,9 +290,9 @@ Exit tangents(const TangentsOptions& options) {
   writeFileWhole(options.out, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   for (const PrimitiveTangents& p : report)
     if (p.result == "kept" && !p.why.empty())
-      fmt::print(stderr, "{}\n",
-                 line("warning", options.in.string(), fmt::format("/meshes/{}/primitives/{}/attributes/TANGENT", p.mesh, p.primitive),
-                      p.why + "; --regenerate makes new ones", "LMC_TANGENT"));
+      tell(fmt::format("{}\n",
+                       line("warning", options.in.string(), fmt::format("/meshes/{}/primitives/{}/attributes/TANGENT", p.mesh, p.primitive),
+                            p.why + "; --regenerate makes new ones", "LMC_TANGENT")));
   if (options.json) {
     Json all{{"green", options.how.greenDown ? "down" : "up"}, {"primitives", Json::array()}};
     for (const PrimitiveTangents& p : report) all["primitives"].push_back(asJson(p));

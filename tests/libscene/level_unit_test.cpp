@@ -139,13 +139,13 @@ TEST(Level, QuantizedValuesAreScaledAsTheSpecificationSays) {
   Folder folder;
   Builder b = squareLevel();
   b.json["extensionsUsed"] = b.json["extensionsRequired"] = {"KHR_mesh_quantization"};
-  const int normals = b.add<std::int8_t>({0, 0, 127, 0, 0, 0, -128, 0, 0, 0, 127, 0, 0, 0, 127, 0}, "VEC3", 4);
+  const int normals = b.add<std::int8_t>({0, 0, 127, 0, -128, 0, 0, 0, 0, 0, 127, 0, 0, 0, 127, 0}, "VEC3", 4);
   b.json["bufferViews"].back()["byteStride"] = 4;
   b.json["accessors"].back()["normalized"] = true;
   b.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = normals;
   const Scene scene = load(b.save(folder));
   EXPECT_EQ(scene.normals[0], glm::vec3(0, 0, 1));
-  EXPECT_EQ(scene.normals[1], glm::vec3(0, 0, -1));  // -128 is clamped to -1
+  EXPECT_EQ(scene.normals[1], glm::vec3(-1, 0, 0));  // -128 is clamped to -1
 }
 
 TEST(Level, GpuInstancesAreObjectsOfTheirOwn) {

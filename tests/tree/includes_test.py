@@ -26,8 +26,18 @@ DOORS = {  # outside header -> files that may include it
     r'dlfcn\.h': {'shaders/gl.cpp'},
     r'tiny_gltf\.h': {'libscene/gltf_read.h', 'libscene/gltf_read.cpp'},
 }
+TEST_DOORS = {  # the same for tests: an oracle of its own each
+    r'CGAL/': {'tests/libscene/exact_rays_stability_test.cpp'},
+    r'embree3/|OpenMesh/|CLI/|GL/': set(),
+}
 bad = []
 count = 0
+for path in sorted(root.glob('tests/**/*.[ch]*')):
+    for number, text in enumerate(path.read_text().splitlines(), 1):
+        m = re.match(r'\s*#\s*include\s*[<"]([^>"]+)[>"]', text)
+        for door, files in TEST_DOORS.items():
+            if m and re.match(door, m.group(1)) and str(path.relative_to(root)) not in files:
+                bad.append(f'{path.relative_to(root)}:{number}: no test but {", ".join(sorted(files)) or "none"} may include {m.group(1)}')
 for folder, allowed in FOLDERS.items():
     for path in sorted(root.glob(f'{folder}/**/*')):
         if path.suffix not in ('.h', '.cpp'):

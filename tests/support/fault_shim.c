@@ -1,0 +1,121 @@
+/* Faults on demand, by LD_PRELOAD: LMC_FAULT=WHAT:N[:ERRNO] lets the N-th call of WHAT fail, counted from main on.
+ *   pwrite fsync rename close   of files that the program writes (their temporary name ends in .part): fail with ERRNO
+ *   short eintr                 every pwrite writes half, or is interrupted before it writes
+ *   malloc                      returns nothing, once
+ * With LMC_FAULT_COUNT=FILE the number of calls of WHAT is written there at the end (N = 0: none fails). */
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+enum What { NOTHING, PWRITE, FSYNC, RENAME, CLOSE, SHORT, EINTR_, MALLOC };
+static enum What what = NOTHING;
+static long wanted = 0;
+static int failure = EIO;
+static atomic_long calls;
+static atomic_int counting;
+static atomic_int last_interrupted;
+static atomic_char ours[1024];
+
+static int hits(enum What w) {
+  if (!atomic_load(&counting) || what != w) return 0;
+  return atomic_fetch_add(&calls, 1) + 1 == wanted;
+}
+static int isOurs(int fd) { return fd >= 0 && fd < 1024 && ours[fd]; }
+
+static void note(void) {
+  const char* file = getenv("LMC_FAULT_COUNT");
+  if (!file) return;
+  atomic_store(&counting, 0);
+  FILE* f = fopen(file, "w");
+  if (f) fprintf(f, "%ld\n", atomic_load(&calls)), fclose(f);
+}
+
+static int (*realMain)(int, char**, char**);
+static int countedMain(int argc, char** argv, char** environment) {
+  static const char* const names[] = {"", "pwrite", "fsync", "rename", "close", "short", "eintr", "malloc"};
+  const char* fault = getenv("LMC_FAULT");
+  char name[16] = "";
+  if (fault && sscanf(fault, "%15[a-z]:%ld:%d", name, &wanted, &failure) >= 1)
+    for (int i = 1; i < 8; ++i)
+      if (strcmp(name, names[i]) == 0) what = (enum What)i;
+  atexit(note);
+  atomic_store(&counting, 1);
+  return realMain(argc, argv, environment);
+}
+int __libc_start_main(int (*main)(int, char**, char**), int argc, char** argv, void (*init)(void), void (*fini)(void), void (*rtld)(void), void* stack) {
+  int (*real)(int (*)(int, char**, char**), int, char**, void (*)(void), void (*)(void), void (*)(void), void*) = dlsym(RTLD_NEXT, "__libc_start_main");
+  realMain = main;
+  return real(countedMain, argc, argv, init, fini, rtld, stack);
+}
+
+int open(const char* path, int flags, ...) {
+  va_list list;
+  va_start(list, flags);
+  const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) ? va_arg(list, mode_t) : 0;
+  va_end(list);
+  static int (*real)(const char*, int, ...);
+  if (!real) real = dlsym(RTLD_NEXT, "open");
+  const int fd = real(path, flags, mode);
+  const size_t n = strlen(path);
+  if (fd >= 0 && fd < 1024) ours[fd] = (flags & O_CREAT) && n > 5 && strcmp(path + n - 5, ".part") == 0;
+  return fd;
+}
+
+static ssize_t write_at(ssize_t (*real)(int, const void*, size_t, off_t), int fd, const void* data, size_t size, off_t at) {
+  if (isOurs(fd)) {
+    if (hits(PWRITE)) return errno = failure, -1;
+    if (what == SHORT && size > 1) size = size / 2 + 1;
+    if (what == EINTR_ && !atomic_fetch_xor(&last_interrupted, 1)) return errno = EINTR, -1;
+  }
+  return real(fd, data, size, at);
+}
+ssize_t pwrite(int fd, const void* data, size_t size, off_t at) {
+  static ssize_t (*real)(int, const void*, size_t, off_t);
+  if (!real) real = dlsym(RTLD_NEXT, "pwrite");
+  return write_at(real, fd, data, size, at);
+}
+ssize_t pwrite64(int fd, const void* data, size_t size, off_t at) {
+  static ssize_t (*real)(int, const void*, size_t, off_t);
+  if (!real) real = dlsym(RTLD_NEXT, "pwrite64");
+  return write_at(real, fd, data, size, at);
+}
+int fsync(int fd) {
+  static int (*real)(int);
+  if (!real) real = dlsym(RTLD_NEXT, "fsync");
+  if (isOurs(fd) && hits(FSYNC)) return errno = failure, -1;
+  return real(fd);
+}
+int rename(const char* from, const char* to) {
+  static int (*real)(const char*, const char*);
+  if (!real) real = dlsym(RTLD_NEXT, "rename");
+  if (hits(RENAME)) return errno = failure, -1;
+  return real(from, to);
+}
+int dup(int fd) {
+  static int (*real)(int);
+  if (!real) real = dlsym(RTLD_NEXT, "dup");
+  const int copy = real(fd);
+  if (copy >= 0 && copy < 1024) ours[copy] = isOurs(fd);
+  return copy;
+}
+int close(int fd) {
+  static int (*real)(int);
+  if (!real) real = dlsym(RTLD_NEXT, "close");
+  const int fails = isOurs(fd) && hits(CLOSE);
+  const int result = real(fd);
+  return fails ? (errno = failure, -1) : result;
+}
+
+extern void* __libc_malloc(size_t);
+void* malloc(size_t size) {
+  if (what == MALLOC && hits(MALLOC)) return errno = ENOMEM, NULL;
+  return __libc_malloc(size);
+}
