@@ -23,6 +23,7 @@ struct LightMap {
   std::vector<Rgb> coarse;                  ///< `bounced`, mean of the halves, from patches of twice the size
   std::vector<Rgb> variance;                ///< of the mean of sky and bounced light [lx^2]
   std::vector<std::uint32_t> rays;          ///< hemisphere rays cast, each half; 0 = interpolated
+  std::vector<std::uint8_t> near;           ///< of gathered texels: 1 where many rays meet something near, 2 where something touches
   std::vector<double> interpolation2;       ///< one an object: expected square of the interpolation error, summed over its texels [lx^2]
   std::size_t size() const { return chart.size(); }
   std::size_t index(const TexelTile& tile, int x, int y) const {
@@ -39,16 +40,17 @@ struct LightMapValues {
 
 /// What a map's error is made of, relative to its mean illuminance (design.md section 5).
 struct ErrorLedger {
-  double mean = 0.0;           ///< illuminance, mean over covered texels and channels [lx]
-  double noise = 0.0;          ///< RMS standard error of the sampling
-  double interpolation = 0.0;  ///< RMS error of the texels between gathered ones
-  double field = 0.0;          ///< RMS difference that patch size makes
-  double tail = 0.0;           ///< upper bound of the light that stopping early leaves out
-  double tailEstimate = 0.0;   ///< best guess of it
-  double seams = 0.0;          ///< RMS distance by which closing seams moved texels: meant, so no part of the estimate and the bound
-  double estimate = 0.0;       ///< best estimate of the relative RMS error
-  double bound95 = 0.0;        ///< upper bound at 95 % confidence
-  double worstObject = 0.0;    ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
+  double mean = 0.0;             ///< illuminance, mean over covered texels and channels [lx]
+  double noise = 0.0;            ///< RMS standard error of the sampling
+  double interpolation = 0.0;    ///< RMS error of the texels between gathered ones
+  double field = 0.0;            ///< RMS difference that patch size makes
+  double tail = 0.0;             ///< upper bound of the light that stopping early leaves out
+  double tailEstimate = 0.0;     ///< best guess of it
+  double seams = 0.0;            ///< RMS distance by which closing seams moved texels: meant, so no part of the estimate and the bound
+  double estimate = 0.0;         ///< best estimate of the relative RMS error
+  double bound95 = 0.0;          ///< upper bound at 95 % confidence
+  double low = 0.0, high = 0.0;  ///< interval of the true error, 90 %: its upper end is the bound
+  double worstObject = 0.0;      ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
   std::uint32_t worstObjectId = kNone;
   std::uint64_t texels = 0;    ///< covered
   std::uint64_t gathered = 0;  ///< of them, with hemisphere rays of their own
@@ -58,6 +60,7 @@ struct MapOptions {
   double goal = 0.02;       ///< relative RMS error asked for
   bool interpolate = true;  ///< where light is smooth; else every texel is gathered
   double tail = 0.0;        ///< upper bound of the bounced light that the solution leaves out, as a share of it
+  std::uint32_t rays = 0;   ///< hemisphere rays of each half of a gathered texel; 0 = from the goal
 };
 
 /// Charts, objects and coverage of every texel.
@@ -73,12 +76,20 @@ void bakeDirect(LightMap&, const Scene&, const TexelMap&, const DirectLight&, co
 void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&, const Run&);
 
 LightMapValues values(const LightMap&, const Scene&);
+
+/// What the ledger says of each texel: noise, patches and interpolation in squares, root mean square of the channels [lx]; 0 where nothing
+/// is covered.
+std::vector<float> statedErrors(const LightMap&, const Scene&);
+
 /// `tail`, `tailEstimate`: of the solution, as shares of the bounced light.
 ErrorLedger ledger(const LightMap&, const Scene&, double tail, double tailEstimate);
 
 /// The error that patches of a size leave, against the change of the map when light is read from patches of twice the size: 1/3 at second
 /// order, 1 at first, 0.6 to 1.3 as measured (docs/stages.md); and how far the bound goes above it.
 inline constexpr double kFieldShare = 0.75, kFieldBound = 1.5;
+
+/// Lower ends of what patches and interpolation may be, against their estimates: second order, and bends that end where cells do.
+inline constexpr double kFieldLow = 0.45, kInterpolationLow = 0.5;
 
 /// An object's error counts against max(its own mean, this share of the level's), and may be kObjectLimit times the goal (design.md
 /// section 5).
@@ -87,5 +98,6 @@ inline constexpr double kDimRoom = 0.01, kObjectLimit = 3.0;
 /// Upper bound at 95 % confidence of a noise that was estimated from so many texels, as a factor: 1.645 of the relative spread sqrt(2/n) of
 /// a sum of variances with n degrees of freedom. Neighbours share the strongest of what they see: eight texels to a degree.
 inline double noise95(double texels) { return std::sqrt(1.0 + 1.645 * std::sqrt(2.0 / std::max(1.0, texels / 8.0))); }
+inline double noise5(double texels) { return std::sqrt(std::max(0.0, 1.0 - 1.645 * std::sqrt(2.0 / std::max(1.0, texels / 8.0)))); }
 
 }  // namespace lmc

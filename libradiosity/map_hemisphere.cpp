@@ -33,7 +33,8 @@ constexpr double kLargeChart = 0.01;  // of the level's texels
 // so many times its rays.
 constexpr double kSpeckle = 10.0;
 constexpr std::uint32_t kSpeckleRays = 4;
-constexpr int kGuideBlock = 16;  // texels
+constexpr int kGuideBlock = 16;                                        // texels
+constexpr double kTouchingShare = 1.0 / 32.0, kNearShare = 1.0 / 8.0;  // of a texel's rays, for its class
 constexpr int kPilotHalvings = 4, kMaxCorrections = 2, kSpeckleRounds = 3;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
@@ -69,6 +70,7 @@ class HemisphereBaker {
       map.sky[h].assign(map.size(), 0.0f);
     }
     map.coarse.assign(map.size(), Rgb(0.0f));
+    map.near.assign(map.size(), 0);
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
     static_assert(kTile % kGuideBlock == 0);
     guideOf_.assign(map.size(), kNone);
@@ -82,6 +84,7 @@ class HemisphereBaker {
   }
 
   void bake() {
+    if (options_.rays > 0) return bakeByCount();
     wish(kPilotRays);
     cast(0.0, 0.1);
     makePools();
@@ -112,6 +115,21 @@ class HemisphereBaker {
   }
 
  private:
+  /// So many rays for every gathered texel, whatever the goal.
+  void bakeByCount() {
+    wish(options_.rays);
+    cast(0.0, 0.5);
+    makePools();
+    double done = 0.5;
+    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+      cast(done, done + 0.1);
+      done += 0.1;
+      makePools();
+    }
+    finish();
+    run_.progress(1.0);
+  }
+
   // While rays are cast, bounced, sky and coarse of the map are sums over rays (coarse: of both halves).
   glm::dvec3 half(std::size_t i, std::size_t h) const {
     const double n = map_.rays[i];
@@ -153,6 +171,10 @@ class HemisphereBaker {
           map_.bounced[std::size_t(h)][i] += Rgb(g.bounced);
           map_.sky[std::size_t(h)][i] += float(g.sky);
           map_.coarse[i] += Rgb(g.coarse);
+          if (double(g.touching) > kTouchingShare * (end - begin))
+            map_.near[i] = 2;
+          else if (double(g.near) > kNearShare * (end - begin))
+            map_.near[i] = std::max<std::uint8_t>(map_.near[i], 1);
         }
         map_.rays[i] = end;
       }
@@ -246,7 +268,7 @@ class HemisphereBaker {
                                                                  kLocalLimit * options_.goal * std::max(p.illuminance, kDimPlace * mean_)}),
                                  significance[p.object]};
     });
-    wish(kSecondPilot);
+    wish(options_.rays > 0 ? options_.rays : kSecondPilot);
     return added > 0;
   }
 
