@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "libradiosity/gather.h"
@@ -24,6 +25,7 @@ struct LightMap {
   std::vector<Rgb> variance;                ///< of the mean of sky and bounced light [lx^2]
   std::vector<std::uint32_t> rays;          ///< hemisphere rays cast, each half; 0 = interpolated
   std::vector<std::uint8_t> near;           ///< of gathered texels: 1 where many rays meet something near, 2 where something touches
+  int rounds = 0;                           ///< of hemisphere rays that went beyond the goal
   std::vector<double> interpolation2;       ///< one an object: expected square of the interpolation error, summed over its texels [lx^2]
   std::size_t size() const { return chart.size(); }
   std::size_t index(const TexelTile& tile, int x, int y) const {
@@ -61,6 +63,8 @@ struct MapOptions {
   bool interpolate = true;  ///< where light is smooth; else every texel is gathered
   double tail = 0.0;        ///< upper bound of the bounced light that the solution leaves out, as a share of it
   std::uint32_t rays = 0;   ///< hemisphere rays of each half of a gathered texel; 0 = from the goal
+  int rounds = 0;           ///< of hemisphere rays beyond the goal's, each towards kRoundStep of the error before
+  std::function<bool(double goal, std::uint64_t rays)> goOn{};  ///< asked instead before each such round, with the goal and the rays of it
 };
 
 /// Charts, objects and coverage of every texel.
@@ -74,6 +78,9 @@ void bakeDirect(LightMap&, const Scene&, const TexelMap&, const DirectLight&, co
 /// then as many rays as the goal asks for, given out so that the fewest reach it, then at most two corrections of both. Counts are fixed
 /// between rounds from sums in a fixed order.
 void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&, const Run&);
+
+inline constexpr double kRoundStep = 0.96;  ///< rays go with error^-1.43: a round casts 6 % of what was cast before
+inline constexpr int kMostRounds = 200;
 
 LightMapValues values(const LightMap&, const Scene&);
 

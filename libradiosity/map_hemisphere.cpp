@@ -62,6 +62,7 @@ class HemisphereBaker {
         texels_(texels),
         gather_(gather),
         options_(options),
+        goal_(options.goal),
         run_(run),
         cells_({map.width, map.height, map.chart.data()}, scene, texels, tracer, options.interpolate, run),
         wanted_(map.size(), 0) {
@@ -110,11 +111,29 @@ class HemisphereBaker {
       if (!cast(done, done)) break;
       makePools();
     }
+    goBeyond();
     finish();
     run_.progress(1.0);
   }
 
  private:
+  /// Rounds towards smaller and smaller errors.
+  void goBeyond() {
+    if (!options_.goOn && options_.rounds == 0) return;
+    for (int round = 1; round <= kMostRounds; ++round) {
+      goal_ *= kRoundStep;
+      giveOut();
+      std::uint64_t rays = 0;
+      for (std::size_t i = 0; i < wanted_.size(); ++i) rays += 2ull * (wanted_[i] > map_.rays[i] ? wanted_[i] - map_.rays[i] : 0);
+      if (options_.goOn ? !options_.goOn(goal_, rays) : round > options_.rounds) return;
+      map_.rounds = round;
+      if (cast(0.99, 0.99)) makePools();
+      if (!refine()) continue;
+      cast(0.99, 0.99);
+      makePools();
+    }
+  }
+
   /// So many rays for every gathered texel, whatever the goal.
   void bakeByCount() {
     wish(options_.rays);
@@ -253,7 +272,7 @@ class HemisphereBaker {
   }
 
   /// The error that an object may have [lx].
-  double budgetOf(std::size_t object) const { return kObjectLimit * options_.goal * std::max(objectMean_[object], kDimRoom * mean_); }
+  double budgetOf(std::size_t object) const { return kObjectLimit * goal_ * std::max(objectMean_[object], kDimRoom * mean_); }
 
   /// Halves cells; false when none needs it. New corners get a pilot's rays.
   bool refine() {
@@ -264,8 +283,8 @@ class HemisphereBaker {
           std::sqrt(between[o] / std::max(1.0, objectTexels_[o])) > kLargeInterpolation * budgetOf(o) ? kDoubtful : kSignificant;
     const std::size_t added = cells_.refine(valueAt(), [&](std::size_t i) {
       const Pool& p = pools_[poolOf_[i]];
-      return MapCells::Tolerance{kInterpolationShare * std::min({options_.goal * mean_, budgetOf(p.object),
-                                                                 kLocalLimit * options_.goal * std::max(p.illuminance, kDimPlace * mean_)}),
+      return MapCells::Tolerance{kInterpolationShare * std::min({goal_ * mean_, budgetOf(p.object),
+                                                                 kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
                                  significance[p.object]};
     });
     wish(options_.rays > 0 ? options_.rays : kSecondPilot);
@@ -340,8 +359,8 @@ class HemisphereBaker {
       for (const std::uint32_t i : ids) pools_[i].wanted = std::max(pools_[i].wanted, raysAt(pools_[i], kappa));
     };
     for (Pool& p : pools_) p.wanted = p.rays;
-    give(all, solve(all, noiseFor(kBudget * options_.goal * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels,
-                                  levelVariance)));
+    give(all,
+         solve(all, noiseFor(kBudget * goal_ * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels, levelVariance)));
     for (std::size_t o = 0; o < byObject.size(); ++o) {
       if (byObject[o].empty()) continue;
       give(byObject[o],
@@ -354,14 +373,14 @@ class HemisphereBaker {
         count += pools_[i].texels;
       }
       if (count < kLargeChart * texels) continue;
-      give(ids, solve(ids, std::pow(kLocalLimit * options_.goal * std::max(own / count, kDimPlace * mean_), 2.0)));
+      give(ids, solve(ids, std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0)));
     }
     double wanted = 0.0, have = 0.0;
     for (const Pool& p : pools_) {
       wanted += p.points * p.wanted;
       have += p.points * p.rays;
     }
-    const double most = std::max(0.0, texels * kMeanRaysAtTwoPercent * std::pow(0.02 / options_.goal, 1.0 / a) - have);
+    const double most = std::max(0.0, texels * kMeanRaysAtTwoPercent * std::pow(0.02 / goal_, 1.0 / a) - have);
     if (wanted - have > most)
       for (Pool& p : pools_) p.wanted = p.rays + (p.wanted - p.rays) * most / (wanted - have);
     for (std::size_t i = 0; i < map_.size(); ++i)
@@ -373,7 +392,7 @@ class HemisphereBaker {
     for (std::size_t i = 0; i < map_.size(); ++i) {
       if (poolOf_[i] == kNone) continue;
       const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
-      const double speckle = kSpeckle * options_.goal * std::max(mean3(direct(i) + illuminance(i)), kDimPlace * mean_);
+      const double speckle = kSpeckle * goal_ * std::max(mean3(direct(i) + illuminance(i)), kDimPlace * mean_);
       if (mean3(d * d) > speckle * speckle) wanted_[i] = std::clamp(kSpeckleRays * map_.rays[i], map_.rays[i], kMostRays);
     }
   }
@@ -429,6 +448,7 @@ class HemisphereBaker {
   const TexelMap& texels_;
   const Gather& gather_;
   const MapOptions& options_;
+  double goal_;
   const Run& run_;
   MapCells cells_;
   std::vector<Guide> guides_;

@@ -44,6 +44,15 @@ double shareOf(const std::string& text, const char* option) {
   return percent ? *value / 100.0 : *value;
 }
 
+/// "90", "90s", "2m" or "1h".
+double secondsOf(const std::string& text) {
+  const std::string_view units = "smh";
+  const std::size_t unit = text.empty() ? std::string_view::npos : units.find(text.back());
+  const auto value = number(unit == std::string_view::npos ? std::string_view(text) : std::string_view(text).substr(0, text.size() - 1));
+  if (!value || !(*value > 0.0)) throw CLI::ValidationError("--time", fmt::format("'{}' is not a time such as 90s or 2m", text));
+  return *value * (unit == 2 ? 3600.0 : unit == 1 ? 60.0 : 1.0);
+}
+
 const std::map<std::string, ProgressKind> kProgress{{"auto", ProgressKind::Auto},
                                                     {"bar", ProgressKind::Bar},
                                                     {"lines", ProgressKind::Lines},
@@ -218,6 +227,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
   app->add_option("--gather-rays", o.gatherRays,
                   "hemisphere rays of each half of a gathered texel, whatever the goal [default: as many as the goal asks for]")
       ->check(CLI::Range(1, 16384));
+  app->add_option("--gather-rounds", o.gatherRounds, "rounds of hemisphere rays beyond the goal's, as a run with --time states them")
+      ->check(CLI::Range(0, 200));
   app->add_flag_callback(
       "--audit", [&o] { o.audit = Audit::On; },
       "check the stated error by unbiased path tracing, at most a quarter of the rays [default: for goals below 2 %]");
@@ -500,6 +511,13 @@ Command parseCommandLine(int argc, const char* const* argv) {
           },
           "limit such as 512M or 2G [default: what the machine has]; never changes a result, exit code 8 where less than the least")
       ->type_name("SIZE");
+  bakeApp
+      ->add_option_function<std::string>(
+          "--time", [&bake](const std::string& t) { bake.time_s = secondsOf(t); },
+          "the best map in this time, such as 90s or 2m, instead of an error asked for; the error reached is stated, and the goal and "
+          "rounds that "
+          "give the same bytes; exit code 5 where it cannot be done in that time")
+      ->type_name("TIME");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp
@@ -630,6 +648,9 @@ Command parseCommandLine(int argc, const char* const* argv) {
   for (const BakeOptions* o : {&bake, &plan.bake, &study.bake})
     if (o->solver != Solver::Auto && o->solver != Solver::Shooting && (o->passes > 0 || o->snapshot))
       throw Error(Exit::Usage, "lmc", "", "only --solver shooting has passes: leave out --passes and --snapshot, or take it");
+  if (bake.time_s > 0.0)
+    for (const char* option : {"--max-error", "--preset", "--gather-rounds", "--gather-rays", "--audit"})
+      if (bakeApp->count(option) > 0) throw Error(Exit::Usage, "lmc", "", fmt::format("--time finds its own goal: leave out {}", option));
   checkAo(bake.ao);
   checkAo(plan.bake.ao);
   askForBent(bake, bakeApp->count("--bent") > 0);

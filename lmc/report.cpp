@@ -157,6 +157,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                 {"worst_object_path", e.worstObjectId == kNone ? "" : b.scene.objects[e.worstObjectId].path}};
   r["error"]["worst"] = worstOf(b);
   if (b.audit.drawn > 0) r["error"]["audit"] = auditOf(b);
+  r["error"]["gather_rounds"] = b.map.rounds;
   glm::dvec3 mean(0.0);
   double lo = 1e300, hi = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {

@@ -340,8 +340,8 @@ void hemisphere(Bake& b) {
     return;
   }
   const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
-  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather, {b.options.goal, b.options.interpolate, b.tail(), b.options.gatherRays},
-                 b.run);
+  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather,
+                 {b.options.goal, b.options.interpolate, b.tail(), b.options.gatherRays, b.options.gatherRounds, b.goOn}, b.run);
   double rays = 0.0, texels = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     rays += 2.0 * b.map.rays[i];

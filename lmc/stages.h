@@ -56,6 +56,8 @@ struct Bake {
   Padding padding;            // seams
   SeamResult closed;          ///< empty when the plan leaves seams as they are
 
+  std::function<bool(double goal, std::uint64_t rays)> goOn;  ///< MapOptions
+
   std::string summary;  ///< of the stage that runs, for the log
   double tail() const { return std::max(solutions[0].tail, solutions[1].tail) + clampedAway; }
   double tailEstimate() const { return std::max(solutions[0].tailEstimate, solutions[1].tailEstimate); }

@@ -87,7 +87,7 @@ std::string textOf(const BakeOptions& o) {
                      o.passes, o.bounceTail, int(o.solver), o.patchSize_m, o.maxPatches, o.interpolate, o.gatherRays, int(o.audit),
                      o.maxLinks, o.partition.automatic, fmt::join(o.partition.on, ","), int(o.uv.mode), o.uv.mapSize, o.uv.texelsPerMetre,
                      o.uv.padding, o.uv.maxMaps, o.ao.how.error, o.ao.how.distance_m, int(o.ao.how.fallOff), o.ao.bentInTangentSpace,
-                     o.sky ? fmt::format("{},{},{}", o.sky->r, o.sky->g, o.sky->b) : "scene", o.seed, o.time_s);
+                     o.sky ? fmt::format("{},{},{}", o.sky->r, o.sky->g, o.sky->b) : "scene", o.seed, o.gatherRounds);
 }
 
 /// What the level's files hold, and the size of its patches at the goal: found by a process of its own, for reading takes memory.

@@ -262,6 +262,40 @@ class Audit(unittest.TestCase):
         self.assertTrue(all(0 <= w['x'] < 64 and 0 <= w['y'] < 64 and w['object'].startswith('/') for w in worst))
 
 
+class InTime(unittest.TestCase):
+    def bake(self, folder, name, *args, check=0):
+        out = pathlib.Path(folder, name)
+        said = lmc('bake', sample('cornell.glb'), '-o', out, '--map-size', '64', '--progress', 'none', *args, check=check).stderr
+        return json.loads((out / 'report.json').read_text()), {p.name: p.read_bytes() for p in out.iterdir() if p.name != 'report.json'}, said
+
+    def test_a_bake_with_what_a_timed_one_states_gives_the_same_bytes(self):
+        with tempfile.TemporaryDirectory() as folder:
+            timed, files, _ = self.bake(folder, 'timed', '--time', '3s')
+            again, same, _ = self.bake(folder, 'again', *timed['time']['same_bytes_by'].split(), '--no-audit', check=None)
+            self.assertEqual(files, same)
+            self.assertEqual(timed['rays'], again['rays'])
+            self.assertEqual(timed['error'], again['error'])
+            # At the finest goal nothing more is asked for; else rounds fill the time.
+            self.assertTrue(timed['error']['gather_rounds'] > 0 or timed['error']['goal'] <= 0.005)
+
+    def test_rounds_cast_more_and_state_less(self):
+        with tempfile.TemporaryDirectory() as folder:
+            reports = [self.bake(folder, str(n), '--max-error', '8%', '--gather-rounds', n, '--effects=-ao')[0] for n in (0, 10, 20)]
+            for a, b in zip(reports, reports[1:]):
+                self.assertGreater(b['rays']['gather'], a['rays']['gather'])
+                self.assertLess(b['error']['noise'], a['error']['noise'])
+
+    def test_too_short_a_time_names_the_least(self):
+        with tempfile.TemporaryDirectory() as folder:
+            _, files, said = self.bake(folder, 'short', '--time', '0.001s', check=5)
+            self.assertIn('lightmap.exr', files)
+            self.assertRegex(said, r'takes [0-9.]+ s at least.*LMC_TIME')
+
+    def test_wrong_use(self):
+        for args in (['--time', 'soon'], ['--time', '0s'], ['--time', '9s', '--max-error', '2%'], ['--time', '9s', '--audit']):
+            lmc('bake', sample('cornell.glb'), '-o', '/nowhere', *args, check=1)
+
+
 def main():
     global LMC, SOURCE
     ap = argparse.ArgumentParser()
