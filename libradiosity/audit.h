@@ -62,6 +62,6 @@ AuditResult audit(const LightMap&, const LightMapValues&, const Scene&, const Te
                   const AuditOptions&, ErrorLedger& ledger, const Run&);
 
 inline constexpr double kAuditGoal = 0.02;   ///< bakes with goals below are audited by themselves
-inline constexpr double kAuditShare = 0.25;  ///< of the bake's rays, at most
+inline constexpr double kAuditShare = 0.15;  ///< of the bake's rays, at most
 
 }  // namespace lmc

@@ -22,6 +22,7 @@ using Json = nlohmann::ordered_json;
 constexpr std::uint32_t kStreams = 8;                         // independent: their differences are the noise
 constexpr std::uint32_t kPilotPaths = 64, kFirstPaths = 128;  // each stream
 constexpr double kEven = 0.5;                                 // share of the mean variance in what a texel's own is taken for
+constexpr int kReach = 2;                                     // texels: as far from a chart's end as lookups along it read
 constexpr std::uint32_t kMostPaths = 1u << 28;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
@@ -83,8 +84,8 @@ class ReferenceMaker {
     if (map.chart[i] == kNone) return false;
     if (!b_.plan.runs(Effect::Seams)) return true;
     const int side = b_.uv.side, x = int(i % std::size_t(side)), y = int(i / std::size_t(side));
-    for (int dy = -1; dy <= 1; ++dy)
-      for (int dx = -1; dx <= 1; ++dx) {
+    for (int dy = -kReach; dy <= kReach; ++dy)
+      for (int dx = -kReach; dx <= kReach; ++dx) {
         const int px = x + dx, py = y + dy;
         if (px < 0 || px >= side || py / side != y / side || py < 0 || py >= map.height) return false;
         if (map.chart[std::size_t(py) * std::size_t(side) + std::size_t(px)] != map.chart[i]) return false;
@@ -301,7 +302,7 @@ TrueError trueError(const std::vector<std::filesystem::path>& maps, const std::v
   TrueError out;
   out.texels = texels.size();
   if (texels.empty()) return out;
-  const double n = double(texels.size()), mean = sum / values, unit = mean > 0.0 ? 1.0 / mean : 1.0;
+  const double n = double(texels.size()), mean = sum / values, unit = mean > 0.0 && !openness ? 1.0 / mean : 1.0;
   double off2 = 0.0, noise2 = 0.0, squares = 0.0;
   for (const Texel& t : texels) {
     off2 += t.off2 / n;

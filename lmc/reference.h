@@ -20,11 +20,12 @@ struct ReferenceWish {
 
 /// Writes reference.exr (reference.000.exr, ... where there are several maps) and reference.json into `folder`. Channels: R G B A and
 /// stderr.R/G/B as lightmap.exr has them (openness: Y, A and stderr.Y), A = 1 at the texels that were drawn: evenly over those that are
-/// covered, and where the plan closes seams over those whose eight neighbours are of their chart, because closing moves the others on
-/// purpose. Sums are kept in reference.state.json as it goes.
+/// covered, and where the plan closes seams over those whose neighbours up to two texels away are of their chart, because closing moves the
+/// others on purpose. Sums are kept in reference.state.json as it goes.
 Exit makeReference(const BakeOptions&, const std::filesystem::path& folder, const ReferenceWish&);
 
-/// Differences of a map from a reference over the reference's texels, against its mean there.
+/// Differences of a map from a reference over the reference's texels, against its mean there (openness, where black is dark enough: as they
+/// are).
 struct TrueError {
   std::uint64_t texels = 0;
   double rms = 0.0, net = 0.0;     ///< net: with the reference's own noise taken out

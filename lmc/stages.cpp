@@ -201,7 +201,7 @@ void patches(Bake& b) {
     b.patches = makePatches(b.scene, {.size_m = patchSizeFor_m(b.scene, kPatchesNearlyWhite), .maxPatches = b.options.maxPatches}, b.run);
   clampReflectance(b);
   exposePatches(b.patches, b.scene, *b.tracer, b.run);
-  b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run);
+  b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run, patchSkyRaysFor(b.options.goal));
   b.summary = fmt::format("{} patches of {:.3g} m, {} faces", b.patches.patches.size(), b.patches.size_m, b.patches.leaves.size());
 }
 

@@ -204,7 +204,7 @@ h1{font-size:1.5em}h2{font-size:1.15em;margin:1.4em 0 .4em}table{border-collapse
 td,th{border:1px solid #ccc;padding:.2em .5em;text-align:right}td:first-child,th:first-child{text-align:left}
 svg{width:100%;height:auto}figure{display:inline-block;margin:.3em .6em .3em 0;vertical-align:top;max-width:330px}
 img{image-rendering:pixelated;width:235px;max-width:100%;height:auto;border:1px solid #ccc}.scale img{width:320px}figcaption{font-size:.8em;color:#555}
-section{break-inside:avoid}@media print{body{max-width:none;margin:0;font-size:11px}figure{max-width:31%}
+section{break-inside:avoid}h2{break-after:avoid}@media print{body{max-width:none;margin:0;font-size:11px}figure{max-width:31%}
 *{-webkit-print-color-adjust:exact;print-color-adjust:exact}}@page{margin:14mm})";
 
 }  // namespace

@@ -30,6 +30,7 @@ std::string numberText(double v, bool percent) {
   if (v >= 1e9) return fmt::format("{:.3g} G", v / 1e9);
   if (v >= 1e6) return fmt::format("{:.3g} M", v / 1e6);
   if (v >= 1e4) return fmt::format("{:.3g} k", v / 1e3);
+  if (v >= 1e3) return fmt::format("{:.0f}", v);
   return fmt::format("{:.3g}", v);
 }
 
