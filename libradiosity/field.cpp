@@ -14,7 +14,8 @@ namespace lmc {
 namespace {
 
 constexpr std::uint32_t kBurialRays = 8;
-constexpr std::uint32_t kSkyRays = 64;
+constexpr std::uint32_t kSkyRays = 64, kMostSkyRays = 1024;  // down to a goal of 2 %; at most
+constexpr double kSkyPower = 1.5;                            // rays go with goal^-power below: Sobol points
 
 /// A place on the patch (holes of Mask materials count as the rest), facing the patch's way.
 SurfacePoint place(const Scene& scene, const PatchMesh& mesh, const Patch& patch, glm::vec2 u) {
@@ -89,7 +90,7 @@ void exposePatches(PatchMesh& mesh, const Scene& scene, const Tracer& tracer, co
 }
 
 PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, const DirectLight& direct, const DirectMap& map,
-                        const Run& run) {
+                        const Run& run, std::uint32_t skyRays) {
   PatchLight out;
   out.direct.assign(mesh.patches.size(), Rgb(0.0f));
   out.sky.assign(mesh.patches.size(), Rgb(0.0f));
@@ -121,9 +122,9 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
     }
     if (sky) {
       const Sobol4 directions = sequence(run.seed, Draw::PatchSky, 0, 0, std::uint32_t(i), 0, 0);
-      std::array<Ray, kSkyRays> rays;
-      std::array<std::uint8_t, kSkyRays> blocked;
-      for (std::uint32_t k = 0; k < kSkyRays; ++k) {
+      std::vector<Ray> rays(skyRays);
+      std::vector<std::uint8_t> blocked(skyRays);
+      for (std::uint32_t k = 0; k < skyRays; ++k) {
         const SurfacePoint& p = places[k % places.size()];
         const glm::dvec3 d = frameAbout(p.normal) * cosineHemisphere(directions.point2(k));
         rays[k] = {tracer.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
@@ -131,10 +132,15 @@ PatchLight lightPatches(const Scene& scene, const Tracer& tracer, const PatchMes
       tracer.occluded(rays, blocked, Purpose::PatchSky);
       std::uint32_t open = 0;
       for (const std::uint8_t b : blocked) open += b == 0;
-      out.sky[i] = float(kPi) * scene.sky * (float(open) / float(kSkyRays));
+      out.sky[i] = float(kPi) * scene.sky * (float(open) / float(skyRays));
     }
   });
   return out;
+}
+
+std::uint32_t patchSkyRaysFor(double goal) {
+  const double wish = kSkyRays * std::pow(0.02 / goal, kSkyPower);
+  return std::uint32_t(std::clamp(std::ceil(wish / kPatchPlaces) * kPatchPlaces, double(kSkyRays), double(kMostSkyRays)));
 }
 
 struct Field::Parts {

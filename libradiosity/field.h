@@ -35,7 +35,11 @@ struct PatchLight {
   std::vector<Rgb> direct;  ///< punctual lights and emitters
   std::vector<Rgb> sky;
 };
-PatchLight lightPatches(const Scene&, const Tracer&, const PatchMesh&, const DirectLight&, const DirectMap&, const Run&);
+/// `skyRays` a patch.
+PatchLight lightPatches(const Scene&, const Tracer&, const PatchMesh&, const DirectLight&, const DirectMap&, const Run&,
+                        std::uint32_t skyRays = 64);
+/// What the noise of the sky on patches, which both halves of a map share, asks for at a goal.
+std::uint32_t patchSkyRaysFor(double goal);
 
 /// A solution: illuminance by at least one bounce on each patch [lx].
 using Bounced = std::vector<Rgb>;

@@ -9,6 +9,7 @@ namespace lmc {
 namespace {
 
 constexpr std::uint32_t kBatch = 256;
+constexpr float kTouching = 0.1f;
 constexpr float kNear = 1.0f;  // sizes of the patch that was hit: nearer hits are evaluated at the place
 
 }  // namespace
@@ -95,7 +96,10 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
       }
       const Field::Seen seen = field_->at(hits[i], half);
       guide.add(towards[i], seen.exitance.r + seen.exitance.g + seen.exitance.b, weight[i]);
-      if (nearHits_ && hits[i].t < kNear * seen.size_m) {
+      const bool isNear = hits[i].t < kNear * seen.size_m;
+      out.near += isNear;
+      out.touching += hits[i].t < kTouching * seen.size_m;
+      if (nearHits_ && isNear) {
         near.push_back({hits[i], index[i], weight[i]});
         continue;
       }

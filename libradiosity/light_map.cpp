@@ -134,6 +134,23 @@ LightMapValues values(const LightMap& map, const Scene& scene) {
   return out;
 }
 
+std::vector<float> statedErrors(const LightMap& map, const Scene& scene) {
+  const Pools pools = poolsOf(map, scene);
+  std::vector<double> between(scene.objects.size(), 0.0);  // texels of each object that are interpolated
+  for (std::size_t i = 0; i < map.size(); ++i)
+    if (map.chart[i] != kNone && map.rays[i] == 0) between[map.object[i]] += 1.0;
+  std::vector<float> out(map.size(), 0.0f);
+  for (std::size_t i = 0; i < map.size(); ++i) {
+    if (map.chart[i] == kNone) continue;
+    const Pool& pool = pools.pools[pools.of[i]];
+    double square = mean3(pool.directVariance) + kFieldShare * kFieldShare * pool.field2;
+    if (!map.variance.empty()) square += mean3(glm::dvec3(map.variance[i]));
+    if (map.rays[i] == 0 && !map.interpolation2.empty()) square += map.interpolation2[map.object[i]] / between[map.object[i]];
+    out[i] = float(std::sqrt(square));
+  }
+  return out;
+}
+
 ErrorLedger ledger(const LightMap& map, const Scene& scene, const Omitted& omitted) {
   struct Sums {
     double texels = 0.0, gathered = 0.0, e = 0.0, bounced = 0.0, variance = 0.0, field2 = 0.0, interpolation2 = 0.0;
@@ -178,6 +195,10 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, const Omitted& omitt
   out.estimate = std::sqrt(out.noise * out.noise + out.field * out.field + out.interpolation * out.interpolation) + out.tailEstimate;
   // Field noise shared by many texels is in both halves' difference only in part: the bound takes twice the field's share.
   out.bound95 = level.noiseBound() / out.mean + out.interpolation + kFieldBound * out.field + out.tail + out.leftOut;
+  const double noiseLow = out.noise * noise5(level.gathered > 0.0 ? level.gathered : level.texels), fieldLow = kFieldLow * out.field,
+               betweenLow = kInterpolationLow * out.interpolation;
+  out.low = std::sqrt(noiseLow * noiseLow + fieldLow * fieldLow + betweenLow * betweenLow);
+  out.high = out.bound95;
   for (std::uint32_t o = 0; o < objects.size(); ++o) {
     if (objects[o].texels == 0.0) continue;
     const double against = std::max(objects[o].mean(), kDimRoom * out.mean);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "libradiosity/gather.h"
@@ -23,6 +24,8 @@ struct LightMap {
   std::vector<Rgb> coarse;                  ///< `bounced`, mean of the halves, from patches of twice the size
   std::vector<Rgb> variance;                ///< of the mean of sky and bounced light [lx^2]
   std::vector<std::uint32_t> rays;          ///< hemisphere rays cast, each half; 0 = interpolated
+  std::vector<std::uint8_t> near;           ///< of gathered texels: 1 where many rays meet something near, 2 where something touches
+  int rounds = 0;                           ///< of hemisphere rays that went beyond the goal
   std::vector<double> interpolation2;       ///< one an object: expected square of the interpolation error, summed over its texels [lx^2]
   std::size_t size() const { return chart.size(); }
   std::size_t index(const TexelTile& tile, int x, int y) const {
@@ -39,17 +42,18 @@ struct LightMapValues {
 
 /// What a map's error is made of, relative to its mean illuminance (design.md section 5).
 struct ErrorLedger {
-  double mean = 0.0;           ///< illuminance, mean over covered texels and channels [lx]
-  double noise = 0.0;          ///< RMS standard error of the sampling
-  double interpolation = 0.0;  ///< RMS error of the texels between gathered ones
-  double field = 0.0;          ///< RMS difference that patch size makes
-  double tail = 0.0;           ///< upper bound of the light that stopping early leaves out
-  double tailEstimate = 0.0;   ///< best guess of it
-  double leftOut = 0.0;        ///< upper bound of the effects that the plan left out
-  double seams = 0.0;          ///< RMS distance by which closing seams moved texels: meant, so no part of the estimate and the bound
-  double estimate = 0.0;       ///< best estimate of the relative RMS error
-  double bound95 = 0.0;        ///< upper bound at 95 % confidence
-  double worstObject = 0.0;    ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
+  double mean = 0.0;             ///< illuminance, mean over covered texels and channels [lx]
+  double noise = 0.0;            ///< RMS standard error of the sampling
+  double interpolation = 0.0;    ///< RMS error of the texels between gathered ones
+  double field = 0.0;            ///< RMS difference that patch size makes
+  double tail = 0.0;             ///< upper bound of the light that stopping early leaves out
+  double tailEstimate = 0.0;     ///< best guess of it
+  double leftOut = 0.0;          ///< upper bound of the effects that the plan left out
+  double seams = 0.0;            ///< RMS distance by which closing seams moved texels: meant, so no part of the estimate and the bound
+  double estimate = 0.0;         ///< best estimate of the relative RMS error
+  double bound95 = 0.0;          ///< upper bound at 95 % confidence
+  double low = 0.0, high = 0.0;  ///< interval of the true error, 90 %: its upper end is the bound
+  double worstObject = 0.0;      ///< largest bound95 over objects, each relative to max(its own mean, 1 % of the level's)
   std::uint32_t worstObjectId = kNone;
   std::uint64_t texels = 0;    ///< covered
   std::uint64_t gathered = 0;  ///< of them, with hemisphere rays of their own
@@ -59,8 +63,11 @@ struct MapOptions {
   double goal = 0.02;       ///< relative RMS error asked for
   bool interpolate = true;  ///< where light is smooth; else every texel is gathered
   double tail = 0.0;        ///< upper bound of the bounced light that the solution leaves out, as a share of it
-  double leftOut = 0.0;     ///< upper bound of what the plan leaves out, relative to the level's mean
-  double sampled = 1.0;     ///< share of the map's cells that are wanted: foretellHemisphere
+  std::uint32_t rays = 0;   ///< hemisphere rays of each half of a gathered texel; 0 = from the goal
+  int rounds = 0;           ///< of hemisphere rays beyond the goal's, each towards kRoundStep of the error before
+  std::function<bool(double goal, std::uint64_t rays)> goOn{};  ///< asked instead before each such round, with the goal and the rays of it
+  double leftOut = 0.0;                                         ///< upper bound of what the plan leaves out, relative to the level's mean
+  double sampled = 1.0;                                         ///< share of the map's cells that are wanted: foretellHemisphere
 };
 
 /// Charts, objects and coverage of every texel.
@@ -133,7 +140,15 @@ struct HemisphereForecast {
 HemisphereForecast foretellHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&,
                                       const Run&);
 
+inline constexpr double kRoundStep = 0.96;  ///< rays go with error^-1.43: a round casts 6 % of what was cast before
+inline constexpr int kMostRounds = 200;
+
 LightMapValues values(const LightMap&, const Scene&);
+
+/// What the ledger says of each texel: noise, patches and interpolation in squares, root mean square of the channels [lx]; 0 where nothing
+/// is covered.
+std::vector<float> statedErrors(const LightMap&, const Scene&);
+
 /// What is not in the map, told by others.
 struct Omitted {
   double tail = 0.0, tailEstimate = 0.0;  ///< of the solution, as shares of the bounced light
@@ -146,6 +161,9 @@ ErrorLedger ledger(const LightMap&, const Scene&, const Omitted&);
 /// order, 1 at first, 0.6 to 1.3 as measured (docs/stages.md); and how far the bound goes above it.
 inline constexpr double kFieldShare = 0.75, kFieldBound = 1.5;
 
+/// Lower ends of what patches and interpolation may be, against their estimates: second order, and bends that end where cells do.
+inline constexpr double kFieldLow = 0.45, kInterpolationLow = 0.5;
+
 /// An object's error counts against max(its own mean, this share of the level's), and may be kObjectLimit times the goal (design.md
 /// section 5).
 inline constexpr double kDimRoom = 0.01, kObjectLimit = 3.0;
@@ -153,5 +171,6 @@ inline constexpr double kDimRoom = 0.01, kObjectLimit = 3.0;
 /// Upper bound at 95 % confidence of a noise that was estimated from so many texels, as a factor: 1.645 of the relative spread sqrt(2/n) of
 /// a sum of variances with n degrees of freedom. Neighbours share the strongest of what they see: eight texels to a degree.
 inline double noise95(double texels) { return std::sqrt(1.0 + 1.645 * std::sqrt(2.0 / std::max(1.0, texels / 8.0))); }
+inline double noise5(double texels) { return std::sqrt(std::max(0.0, 1.0 - 1.645 * std::sqrt(2.0 / std::max(1.0, texels / 8.0)))); }
 
 }  // namespace lmc

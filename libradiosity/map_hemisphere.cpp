@@ -34,7 +34,8 @@ constexpr double kLargeChart = 0.01;  // of the level's texels
 // so many times its rays.
 constexpr double kSpeckle = 10.0;
 constexpr std::uint32_t kSpeckleRays = 4;
-constexpr int kGuideBlock = 16;  // texels
+constexpr int kGuideBlock = 16;                                        // texels
+constexpr double kTouchingShare = 1.0 / 32.0, kNearShare = 1.0 / 8.0;  // of a texel's rays, for its class
 constexpr int kPilotHalvings = 4, kMaxCorrections = 2, kSpeckleRounds = 3;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
@@ -62,6 +63,7 @@ class HemisphereBaker {
         texels_(texels),
         gather_(gather),
         options_(options),
+        goal_(options.goal),
         run_(run),
         cells_({map.width, map.height, map.chart.data()}, scene, texels, tracer, options.interpolate, run),
         wanted_(map.size(), 0) {
@@ -70,6 +72,7 @@ class HemisphereBaker {
       map.sky[h].assign(map.size(), 0.0f);
     }
     map.coarse.assign(map.size(), Rgb(0.0f));
+    map.near.assign(map.size(), 0);
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
     if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
     static_assert(kTile % kGuideBlock == 0);
@@ -84,6 +87,7 @@ class HemisphereBaker {
   }
 
   void bake() {
+    if (options_.rays > 0) return bakeByCount();
     double done = pilot();
     for (int correction = 0; correction <= kMaxCorrections; ++correction) {
       giveOut();
@@ -101,6 +105,7 @@ class HemisphereBaker {
       if (!cast(done, done)) break;
       makePools();
     }
+    goBeyond();
     finish();
     run_.progress(1.0);
   }
@@ -128,6 +133,38 @@ class HemisphereBaker {
       makePools();
     }
     return done;
+  }
+
+  /// Rounds towards smaller and smaller errors.
+  void goBeyond() {
+    if (!options_.goOn && options_.rounds == 0) return;
+    for (int round = 1; round <= kMostRounds; ++round) {
+      goal_ *= kRoundStep;
+      giveOut();
+      std::uint64_t rays = 0;
+      for (std::size_t i = 0; i < wanted_.size(); ++i) rays += 2ull * (wanted_[i] > map_.rays[i] ? wanted_[i] - map_.rays[i] : 0);
+      if (options_.goOn ? !options_.goOn(goal_, rays) : round > options_.rounds) return;
+      map_.rounds = round;
+      if (cast(0.99, 0.99)) makePools();
+      if (!refine()) continue;
+      cast(0.99, 0.99);
+      makePools();
+    }
+  }
+
+  /// So many rays for every gathered texel, whatever the goal.
+  void bakeByCount() {
+    wish(options_.rays);
+    cast(0.0, 0.5);
+    makePools();
+    double done = 0.5;
+    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+      cast(done, done + 0.1);
+      done += 0.1;
+      makePools();
+    }
+    finish();
+    run_.progress(1.0);
   }
 
   // While rays are cast, bounced, sky and coarse of the map are sums over rays (coarse: of both halves).
@@ -171,6 +208,10 @@ class HemisphereBaker {
           map_.bounced[std::size_t(h)][i] += Rgb(g.bounced);
           map_.sky[std::size_t(h)][i] += float(g.sky);
           map_.coarse[i] += Rgb(g.coarse);
+          if (double(g.touching) > kTouchingShare * (end - begin))
+            map_.near[i] = 2;
+          else if (double(g.near) > kNearShare * (end - begin))
+            map_.near[i] = std::max<std::uint8_t>(map_.near[i], 1);
         }
         map_.rays[i] = end;
       }
@@ -250,7 +291,7 @@ class HemisphereBaker {
   }
 
   /// The error that an object may have [lx].
-  double budgetOf(std::size_t object) const { return kObjectLimit * options_.goal * std::max(objectMean_[object], kDimRoom * mean_); }
+  double budgetOf(std::size_t object) const { return kObjectLimit * goal_ * std::max(objectMean_[object], kDimRoom * mean_); }
 
   /// Halves cells; false when none needs it. New corners get a pilot's rays.
   bool refine() {
@@ -261,11 +302,11 @@ class HemisphereBaker {
           std::sqrt(between[o] / std::max(1.0, objectTexels_[o])) > kLargeInterpolation * budgetOf(o) ? kDoubtful : kSignificant;
     const std::size_t added = cells_.refine(valueAt(), [&](std::size_t i) {
       const Pool& p = pools_[poolOf_[i]];
-      return MapCells::Tolerance{kInterpolationShare * std::min({options_.goal * mean_, budgetOf(p.object),
-                                                                 kLocalLimit * options_.goal * std::max(p.illuminance, kDimPlace * mean_)}),
+      return MapCells::Tolerance{kInterpolationShare * std::min({goal_ * mean_, budgetOf(p.object),
+                                                                 kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
                                  significance[p.object]};
     });
-    wish(kSecondPilot);
+    wish(options_.rays > 0 ? options_.rays : kSecondPilot);
     return added > 0;
   }
 
@@ -320,10 +361,8 @@ class HemisphereBaker {
         bounced += p.texels * p.bounced;
       }
       // A sample's drift is mostly noise, and that of coarser patches than the bake's.
-      const double field =
-          options_.sampled < 1.0 ? kUsualField * options_.goal * mean_ : kFieldBound * kFieldShare * std::sqrt(field2 / spoken);
-      const double others = std::sqrt(interpolation2Sum / texelsOf) + field +
-                            options_.tail * bounced / spoken + options_.leftOut * mean_;
+      const double field = options_.sampled < 1.0 ? kUsualField * goal_ * mean_ : kFieldBound * kFieldShare * std::sqrt(field2 / spoken);
+      const double others = std::sqrt(interpolation2Sum / texelsOf) + field + options_.tail * bounced / spoken + options_.leftOut * mean_;
       const double noise = std::max((budget - others) / noise95(points / options_.sampled), kLeastNoise * budget);
       return std::max(noise * noise - directVarianceOf, 0.5 * noise * noise);
     };
@@ -340,8 +379,8 @@ class HemisphereBaker {
       for (const std::uint32_t i : ids) pools_[i].wanted = std::max(pools_[i].wanted, raysAt(pools_[i], kappa));
     };
     for (Pool& p : pools_) p.wanted = p.rays;
-    give(all, solve(all, noiseFor(kBudget * options_.goal * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels,
-                                  levelVariance)));
+    give(all,
+         solve(all, noiseFor(kBudget * goal_ * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels, levelVariance)));
     for (std::size_t o = 0; o < byObject.size(); ++o) {
       if (byObject[o].empty()) continue;
       give(byObject[o],
@@ -354,14 +393,14 @@ class HemisphereBaker {
         count += pools_[i].texels;
       }
       if (count < kLargeChart * texels) continue;
-      give(ids, solve(ids, std::pow(kLocalLimit * options_.goal * std::max(own / count, kDimPlace * mean_), 2.0)));
+      give(ids, solve(ids, std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0)));
     }
     double wanted = 0.0, have = 0.0;
     for (const Pool& p : pools_) {
       wanted += p.points * p.wanted;
       have += p.points * p.rays;
     }
-    const double most = std::max(0.0, texels * kMeanRaysAtTwoPercent * std::pow(0.02 / options_.goal, 1.0 / a) - have);
+    const double most = std::max(0.0, texels * kMeanRaysAtTwoPercent * std::pow(0.02 / goal_, 1.0 / a) - have);
     if (wanted - have > most)
       for (Pool& p : pools_) p.wanted = p.rays + (p.wanted - p.rays) * most / (wanted - have);
     for (std::size_t i = 0; i < map_.size(); ++i)
@@ -373,7 +412,7 @@ class HemisphereBaker {
     for (std::size_t i = 0; i < map_.size(); ++i) {
       if (poolOf_[i] == kNone) continue;
       const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
-      const double speckle = kSpeckle * options_.goal * std::max(mean3(direct(i) + illuminance(i)), kDimPlace * mean_);
+      const double speckle = kSpeckle * goal_ * std::max(mean3(direct(i) + illuminance(i)), kDimPlace * mean_);
       if (mean3(d * d) > speckle * speckle) wanted_[i] = std::clamp(kSpeckleRays * map_.rays[i], map_.rays[i], kMostRays);
     }
   }
@@ -429,6 +468,7 @@ class HemisphereBaker {
   const TexelMap& texels_;
   const Gather& gather_;
   const MapOptions& options_;
+  double goal_;
   const Run& run_;
   MapCells cells_;
   std::vector<Guide> guides_;
@@ -447,8 +487,8 @@ void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, c
   HemisphereBaker(map, scene, texels, tracer, gather, options, run).bake();
 }
 
-HemisphereForecast foretellHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer,
-                                      const Gather& gather, const MapOptions& options, const Run& run) {
+HemisphereForecast foretellHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer, const Gather& gather,
+                                      const MapOptions& options, const Run& run) {
   HemisphereBaker sample(map, scene, texels, tracer, gather, options, run);
   sample.bake();
   return sample.forecast();

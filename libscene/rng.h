@@ -39,7 +39,9 @@ enum class Draw : std::uint64_t {
   Closure = 7,
   NearHit = 8,
   Links = 9,
-  Openness = 10
+  Openness = 10,
+  Audit = 11,
+  AuditChoice = 12
 };
 
 namespace sobol {

@@ -11,9 +11,9 @@
 namespace lmc {
 
 /// What a ray is for; counted apart, so that a report can show what each effect cost.
-enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, Exposure, PatchSky, Shoot, Visibility, Camera, Cells, Occlusion };
-inline constexpr std::array<const char*, 11> kPurposeNames{"shadow", "emitter",    "sky",    "gather", "exposure", "patch-sky",
-                                                           "shoot",  "visibility", "camera", "cells",  "occlusion"};
+enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, Exposure, PatchSky, Shoot, Visibility, Camera, Cells, Occlusion, Audit };
+inline constexpr std::array<const char*, 12> kPurposeNames{"shadow", "emitter",    "sky",    "gather", "exposure",  "patch-sky",
+                                                           "shoot",  "visibility", "camera", "cells",  "occlusion", "audit"};
 
 struct Ray {
   glm::vec3 origin_m, direction;  ///< any length; tFar counts in lengths of direction

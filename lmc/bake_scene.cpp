@@ -85,7 +85,7 @@ Baked bakeScene(const Scene& scene, const BakeSceneOptions& o) {
     if (o.bounce) {
       mesh = makePatches(scene, {.size_m = o.patchSize_m}, run);
       exposePatches(mesh, scene, tracer, run);
-      const PatchLight light = lightPatches(scene, tracer, mesh, direct, seen, run);
+      const PatchLight light = lightPatches(scene, tracer, mesh, direct, seen, run, patchSkyRaysFor(o.goal));
       Solution second;
       if (o.solver == Solver::Dense) {
         out.solution = solveDense(mesh, computeFormFactors(scene, tracer, mesh, run), light, {});

@@ -13,9 +13,11 @@
 #include "lmc/bake.h"
 #include "lmc/check_shader.h"
 #include "lmc/compare.h"
+#include "lmc/fit_attenuation.h"
 #include "lmc/normals.h"
 #include "lmc/progress.h"
 #include "lmc/shade.h"
+#include "lmc/study.h"
 #include "lmc/tangents.h"
 #include "lmc/uv_jobs.h"
 #include "lmc/verify.h"
@@ -66,6 +68,8 @@ struct Perform {
   lmc::Exit operator()(const lmc::UnwrapOptions& o) const { return lmc::unwrap(o); }
   lmc::Exit operator()(const lmc::InfoOptions& o) const { return lmc::showInfo(o); }
   lmc::Exit operator()(const lmc::AttachOptions& o) const { return lmc::attach(o); }
+  lmc::Exit operator()(const lmc::FitAttenuationOptions& o) const { return lmc::fitAttenuation(o); }
+  lmc::Exit operator()(const lmc::StudyOptions& o) const { return lmc::study(o); }
   lmc::Exit operator()(const lmc::ShowText& t) const {
     fmt::print("{}", t.text);
     return lmc::Exit::Done;

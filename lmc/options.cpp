@@ -44,6 +44,15 @@ double shareOf(const std::string& text, const char* option) {
   return percent ? *value / 100.0 : *value;
 }
 
+/// "90", "90s", "2m" or "1h".
+double secondsOf(const std::string& text) {
+  const std::string_view units = "smh";
+  const std::size_t unit = text.empty() ? std::string_view::npos : units.find(text.back());
+  const auto value = number(unit == std::string_view::npos ? std::string_view(text) : std::string_view(text).substr(0, text.size() - 1));
+  if (!value || !(*value > 0.0)) throw CLI::ValidationError("--time", fmt::format("'{}' is not a time such as 90s or 2m", text));
+  return *value * (unit == 2 ? 3600.0 : unit == 1 ? 60.0 : 1.0);
+}
+
 const std::map<std::string, ProgressKind> kProgress{{"auto", ProgressKind::Auto},
                                                     {"bar", ProgressKind::Bar},
                                                     {"lines", ProgressKind::Lines},
@@ -215,6 +224,16 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
          "what pairs of clusters are told without a ray, --solver hierarchical: auto, all, none or a list of "
          "facing,cells,empty,blocked")
       ->type_name("LIST");
+  app->add_option("--gather-rays", o.gatherRays,
+                  "hemisphere rays of each half of a gathered texel, whatever the goal [default: as many as the goal asks for]")
+      ->check(CLI::Range(1, 16384));
+  app->add_option("--gather-rounds", o.gatherRounds, "rounds of hemisphere rays beyond the goal's, as a run with --time states them")
+      ->check(CLI::Range(0, 200));
+  app->add_flag_callback(
+      "--audit", [&o] { o.audit = Audit::On; },
+      "check the stated error by unbiased path tracing, at most a quarter of the rays [default: for goals below 2 %]");
+  app->add_flag_callback(
+      "--no-audit", [&o] { o.audit = Audit::Off; }, "do not");
   addAoOptions(app, o.ao);
   app->add_option_function<std::string>(
          "--bent", [&o](const std::string& t) { o.ao.bentInTangentSpace = t == "tangent"; },
@@ -390,6 +409,64 @@ AoJobOptions settled(AoJobOptions o) {
   return o;
 }
 
+const std::map<std::string, Vary> kKnobs{
+    {"error", Vary::Error}, {"ao", Vary::Ao}, {"patches", Vary::Patches}, {"rays", Vary::Rays}, {"passes", Vary::Passes}};
+
+void addStudy(CLI::App* app, StudyOptions& o, std::string& ladder) {
+  addLevelOptions(app, o.bake);
+  app->add_option("-o,--out", o.bake.out, "folder for the study; one that is there is gone on with")->required();
+  app->add_option_function<std::string>(
+         "--vary", [&o](const std::string& t) { o.vary = kKnobs.at(t); },
+         "what differs from rung to rung: error (the default), ao (--ao-error), patches (--patch-size), rays (--gather-rays) or passes "
+         "(--passes); the rest stays as it is said")
+      ->check(CLI::IsMember({"error", "ao", "patches", "rays", "passes"}))
+      ->type_name("KNOB");
+  app->add_option(
+         "--ladder", ladder,
+         "rungs, coarse to fine: errors such as 8,4,2,1,0.5 (percent; the default), errors of openness in percent, metres, rays, passes")
+      ->type_name("LIST");
+  app->add_option("--reference", o.reference,
+                  "the truth, an EXR laid out as lightmap.exr (texels with A = 0 are not compared), or as ao.exr")
+      ->type_name("FILE");
+  app->add_flag("--make-reference", o.makeReference, "make one by unbiased path tracing of some texels; it is kept in the folder");
+  app->add_option_function<std::string>(
+         "--reference-error", [&o](const std::string& t) { o.referenceError = shareOf(t, "--reference-error"); },
+         "noise that it may have [default: a third of the finest rung, at most 1 %]")
+      ->type_name("ERROR");
+  app->add_option("--reference-texels", o.referenceTexels, "texels that are drawn for it")
+      ->capture_default_str()
+      ->check(CLI::Range(16, 1000000));
+  app->add_option("--reference-rays", o.referenceRays, "rays that it may take, about")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t(1000), std::uint64_t(1) << 50));
+  app->add_flag("--json", o.bake.json, "print the table as JSON");
+}
+
+StudyOptions settled(StudyOptions o, const std::string& ladder) {
+  const bool shares = o.vary == Vary::Error || o.vary == Vary::Ao, counts = o.vary == Vary::Rays || o.vary == Vary::Passes;
+  for (std::size_t at = 0; !ladder.empty();) {
+    const std::size_t comma = ladder.find(',', at);
+    std::string text = ladder.substr(at, comma == std::string::npos ? comma : comma - at);
+    if (shares && !text.empty() && text.back() == '%') text.pop_back();
+    const auto value = number(text);
+    if (!value || !(*value > 0.0) || (shares && *value > 100.0) || (counts && (*value != std::floor(*value) || *value > 16384.0)))
+      throw Error(Exit::Usage, "lmc", "", fmt::format("--ladder: '{}' is no rung", text));
+    o.ladder.push_back(shares ? *value / 100.0 : *value);
+    if (comma == std::string::npos) break;
+    at = comma + 1;
+  }
+  for (std::size_t k = 1; k < o.ladder.size(); ++k)
+    if (counts ? o.ladder[k] <= o.ladder[k - 1] : o.ladder[k] >= o.ladder[k - 1])
+      throw Error(Exit::Usage, "lmc", "", "--ladder goes from coarse to fine, no rung twice");
+  if (!o.reference.empty() && o.makeReference) throw Error(Exit::Usage, "lmc", "", "--reference or --make-reference, not both");
+  if (o.vary == Vary::Ao && o.makeReference && std::isfinite(o.bake.ao.how.distance_m))
+    throw Error(Exit::Usage, "lmc", "", "--make-reference of openness knows no --ao-distance");
+  if (o.vary == Vary::Passes && o.bake.solver != Solver::Auto && o.bake.solver != Solver::Shooting)
+    throw Error(Exit::Usage, "lmc", "", "only --solver shooting has passes");
+  checkAo(o.bake.ao);
+  return o;
+}
+
 constexpr const char* kExitCodes =
     "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is "
     "not "
@@ -450,6 +527,13 @@ Command parseCommandLine(int argc, const char* const* argv) {
           },
           "also say which lights, surfaces and sky made a texel, and what stands in their way (row 0 is the top)")
       ->type_name("X,Y[,MAP]");
+  bakeApp
+      ->add_option_function<std::string>(
+          "--time", [&bake](const std::string& t) { bake.time_s = secondsOf(t); },
+          "the best map in this time, such as 90s or 2m, instead of an error asked for; the error reached is stated, and the goal and "
+          "rounds that "
+          "give the same bytes; exit code 5 where it cannot be done in that time")
+      ->type_name("TIME");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp
@@ -544,6 +628,27 @@ Command parseCommandLine(int argc, const char* const* argv) {
   attachApp->add_flag("--json", attach.json, "print what was matched as JSON");
   attachApp->add_option("-j,--threads", attach.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
 
+  FitAttenuationOptions fit;
+  CLI::App* fitApp = app.add_subcommand("fit-attenuation", "constants of the classic attenuation that come nearest to a wished fall-off");
+  fitApp->add_option("--range", fit.range_m, "where the light ends [m]")->required()->check(CLI::Range(1e-6, 1e9));
+  fitApp
+      ->add_option(
+          "--falloff", fit.fallOff,
+          "inverse-square, inverse-square-window (as KHR_lights_punctual ends it), inverse, smooth ((1 - (d/range)^2)^2), smoothstep, "
+          "linear, suggested (c = 1, l = 2/range, q = 1/range^2), or a file with a distance and a value a line")
+      ->required()
+      ->type_name("KIND");
+  fitApp
+      ->add_option("--near", fit.near_m,
+                   "where the fit begins [m; default: a hundredth of the range where the fall-off has no upper end, else 0]")
+      ->check(CLI::Range(1e-9, 1e9));
+  fitApp->add_flag("--json", fit.json, "print the constants as JSON");
+
+  StudyOptions study;
+  std::string ladder;
+  CLI::App* studyApp = app.add_subcommand("study", "what accuracy costs on a level: a ladder of bakes, a table, a plot and a page");
+  addStudy(studyApp, study, ladder);
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -557,9 +662,12 @@ Command parseCommandLine(int argc, const char* const* argv) {
       if (c == '\n') c = ' ';
     throw Error(Exit::Usage, "lmc", "", what + " (lmc --help, lmc VERB --help)");
   }
-  for (const BakeOptions* o : {&bake, &plan.bake})
+  for (const BakeOptions* o : {&bake, &plan.bake, &study.bake})
     if (o->solver != Solver::Auto && o->solver != Solver::Shooting && (o->passes > 0 || o->snapshot))
       throw Error(Exit::Usage, "lmc", "", "only --solver shooting has passes: leave out --passes and --snapshot, or take it");
+  if (bake.time_s > 0.0)
+    for (const char* option : {"--max-error", "--preset", "--gather-rounds", "--gather-rays", "--audit"})
+      if (bakeApp->count(option) > 0) throw Error(Exit::Usage, "lmc", "", fmt::format("--time finds its own goal: leave out {}", option));
   checkAo(bake.ao);
   checkAo(plan.bake.ao);
   askForBent(bake, bakeApp->count("--bent") > 0);
@@ -575,6 +683,8 @@ Command parseCommandLine(int argc, const char* const* argv) {
   if (*unwrapApp) return unwrap;
   if (*infoApp) return info;
   if (*attachApp) return attach;
+  if (*fitApp) return fit;
+  if (*studyApp) return settled(study, ladder);
   return shade;
 }
 

@@ -23,6 +23,7 @@ struct AoOptions {
 
 enum class ProgressKind { Auto, Bar, Lines, Json, None };
 enum class Solver { Auto, Stored, Hierarchical, Dense, Shooting };
+enum class Audit { Auto, On, Off };  ///< Auto: for goals below kAuditGoal
 
 struct BakeOptions {
   std::filesystem::path level, out;
@@ -39,6 +40,10 @@ struct BakeOptions {
   double patchSize_m = 0.0;  ///< 0 = from the goal and the level
   std::uint32_t maxPatches = 200000;
   bool interpolate = true;              ///< gather fewer texels where light is smooth
+  std::uint32_t gatherRays = 0;         ///< hemisphere rays of each half of a gathered texel; 0 = from the goal
+  Audit audit = Audit::Auto;            ///< check by unbiased path tracing
+  int gatherRounds = 0;                 ///< rounds of hemisphere rays beyond the goal's
+  double time_s = 0.0;                  ///< wall time to fill instead of a goal to reach; 0 = no such wish
   std::uint64_t maxLinks = 40'000'000;  ///< of the hierarchical solver
   PartitionOptions partition;           ///< of the hierarchical solver
   UvOptions uv;
@@ -167,12 +172,33 @@ struct AttachOptions {
   int threads = 0;
 };
 
+struct FitAttenuationOptions {
+  double range_m = 0.0, near_m = 0.0;  ///< places of the fit lie between; near 0 = from the kind of fall-off
+  std::string fallOff;                 ///< a kind's name, or a file of distances and values
+  bool json = false;
+};
+
+/// What a study turns from rung to rung; the other options stay.
+enum class Vary { Error, Ao, Patches, Rays, Passes };
+
+struct StudyOptions {
+  BakeOptions bake;  ///< `out` is the study's folder
+  Vary vary = Vary::Error;
+  std::vector<double> ladder;                ///< empty = the knob's own: errors, errors of openness, sizes [m], rays or passes
+  std::filesystem::path reference;           ///< an EXR in lightmap.exr's (ao.exr's) layout; empty = none
+  bool makeReference = false;                ///< by path tracing, kept in the folder
+  double referenceError = 0.0;               ///< noise that one made may have; 0 = a third of the finest rung
+  std::uint32_t referenceTexels = 1024;      ///< of one made
+  std::uint64_t referenceRays = 2000000000;  ///< of one made, at most
+};
+
 struct ShowText {
   std::string text;  ///< help or version, for stdout
 };
 
-using Command = std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, CheckShaderOptions, VerifyOptions, UnwrapOptions,
-                             InfoOptions, AttachOptions, TangentsOptions, NormalsOptions, AoJobOptions, ShowText>;
+using Command =
+    std::variant<BakeOptions, PlanOptions, CompareOptions, ShadeOptions, CheckShaderOptions, VerifyOptions, UnwrapOptions, InfoOptions,
+                 AttachOptions, TangentsOptions, NormalsOptions, AoJobOptions, FitAttenuationOptions, StudyOptions, ShowText>;
 Command parseCommandLine(int argc, const char* const* argv);
 
 }  // namespace lmc

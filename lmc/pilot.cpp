@@ -214,6 +214,7 @@ class PilotRun {
     // The noise of two places is none of the bake's.
     b_.map.direct[0] = b_.map.direct[1] = mean;
     options.interpolate = b_.options.interpolate;
+    options.rays = b_.options.gatherRays;
     options.sampled = std::min(0.999, std::clamp(kSampled * all_, kLeastTexels, kMostTexels) / all_);
     // Near hits are left to the coarse patches: with patches of the bake's size they are few.
     const Gather gather(b_.scene, *b_.tracer, direct, field, false, b_.run.seed);

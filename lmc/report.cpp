@@ -67,6 +67,71 @@ Json seamsOf(const Bake& b) {
 }
 }  // namespace
 
+namespace {
+constexpr std::size_t kWorstPlaces = 8;
+constexpr std::size_t kPlaceSide = 16;  // texels: one place to a block, else all would lie along one edge
+
+Json placeOf(const Bake& b, std::size_t texel) {
+  const auto side = std::size_t(b.uv.side), x = texel % side, y = texel / side;
+  return {{"map", y / side},
+          {"x", x},
+          {"y", y % side},
+          {"object", b.scene.objects[b.map.object[texel]].path},
+          {"class", kTexelClassNames[std::size_t(classOf(b.map, texel))]}};
+}
+
+/// Where the map states the largest error.
+Json worstOf(const Bake& b) {
+  std::vector<std::pair<float, std::size_t>> blocks;  // the worst texel of each
+  const auto side = std::size_t(b.uv.side), wide = (side + kPlaceSide - 1) / kPlaceSide;
+  if (b.stated.size() == b.map.size() && b.map.size() > 0) {
+    blocks.assign((b.map.size() / side + kPlaceSide - 1) / kPlaceSide * wide, {0.0f, 0});
+    for (std::size_t i = 0; i < b.map.size(); ++i) {
+      auto& worst = blocks[i / side / kPlaceSide * wide + i % side / kPlaceSide];
+      if (b.stated[i] > worst.first) worst = {b.stated[i], i};
+    }
+  }
+  std::ranges::stable_sort(blocks, [](const auto& one, const auto& other) { return one.first > other.first; });
+  Json out = Json::array();
+  for (const auto& [stated, texel] : blocks) {
+    if (!(stated > 0.0f) || out.size() == kWorstPlaces) break;
+    Json place = placeOf(b, texel);
+    place["stated_lx"] = stated;
+    place["stated"] = double(stated) / b.ledger.mean;
+    out.push_back(std::move(place));
+  }
+  return out;
+}
+
+Json foundOf(const Found& f) {
+  return {{"rms", f.rms()}, {"interval", {f.low(1.96), f.high(1.96)}}, {"bias", f.bias}, {"bias_error", f.biasError}};
+}
+
+Json auditOf(const Bake& b) {
+  const AuditResult& a = b.audit;
+  Json classes = Json::object(), worst = Json::array();
+  for (std::size_t k = 0; k < a.classes.size(); ++k) {
+    const AuditedClass& c = a.classes[k];
+    if (c.texels == 0) continue;
+    Json entry = {{"texels", c.texels}, {"drawn", c.drawn}, {"stated", c.stated}};
+    entry.update(foundOf(c.found));
+    classes[kTexelClassNames[k]] = std::move(entry);
+  }
+  for (const AuditedTexel& t : a.worst) {
+    Json place = placeOf(b, t.texel);
+    place.update(
+        {{"illuminance_lx", t.illuminance}, {"stated_lx", t.stated}, {"difference_lx", t.found}, {"difference_error_lx", t.foundError}});
+    worst.push_back(std::move(place));
+  }
+  Json out = {{"texels", a.drawn}, {"paths", a.paths}, {"rays", a.rays}};
+  out.update(foundOf(a.found));
+  out["contradicts"] = a.contradicts;
+  out["classes"] = std::move(classes);
+  out["worst"] = std::move(worst);
+  return out;
+}
+}  // namespace
+
 Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   Json r;
   r["schema"] = "lmc-report/1";
@@ -79,6 +144,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                 {"goal_met", goalMet},
                 {"estimate", e.estimate},
                 {"bound95", e.bound95},
+                {"interval", {e.low, e.high}},
                 {"noise", e.noise},
                 {"interpolation", e.interpolation},
                 {"patches", e.field},
@@ -89,6 +155,9 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                 {"left_out_object", b.plan.leftOutObject},
                 {"worst_object", e.worstObject},
                 {"worst_object_path", e.worstObjectId == kNone ? "" : b.scene.objects[e.worstObjectId].path}};
+  r["error"]["worst"] = worstOf(b);
+  if (b.audit.drawn > 0) r["error"]["audit"] = auditOf(b);
+  r["error"]["gather_rounds"] = b.map.rounds;
   glm::dvec3 mean(0.0);
   double lo = 1e300, hi = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {

@@ -242,7 +242,7 @@ void patches(Bake& b) {
     b.patches = makePatches(b.scene, {.size_m = patchSizeFor_m(b.scene, kPatchesNearlyWhite), .maxPatches = b.options.maxPatches}, b.run);
   clampReflectance(b);
   exposePatches(b.patches, b.scene, *b.tracer, b.run);
-  b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run);
+  b.patchLight = lightPatches(b.scene, *b.tracer, b.patches, *b.direct, seen, b.run, patchSkyRaysFor(b.options.goal));
   b.summary = fmt::format("{} patches of {:.3g} m, {} faces", b.patches.patches.size(), b.patches.size_m, b.patches.leaves.size());
 }
 
@@ -403,7 +403,15 @@ void hemisphere(Bake& b) {
     return;
   }
   const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
-  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather, {b.options.goal, b.options.interpolate, b.tail(), b.plan.leftOut}, b.run);
+  bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather,
+                 {.goal = b.options.goal,
+                  .interpolate = b.options.interpolate,
+                  .tail = b.tail(),
+                  .rays = b.options.gatherRays,
+                  .rounds = b.options.gatherRounds,
+                  .goOn = b.goOn,
+                  .leftOut = b.plan.leftOut},
+                 b.run);
   double rays = 0.0, texels = 0.0;
   for (std::size_t i = 0; i < b.map.size(); ++i) {
     rays += 2.0 * b.map.rays[i];
@@ -418,6 +426,7 @@ void finish(Bake& b) {
   b.values = values(b.map, b.scene);
   if (b.options.explain) addValues(b.explained, b);
   b.ledger = ledger(b.map, b.scene, {b.tail(), b.tailEstimate(), b.plan.leftOut, b.plan.leftOutObject});
+  b.stated = statedErrors(b.map, b.scene);
   // Halves and sums are done with: what is written needs the room.
   for (std::size_t h = 0; h < 2; ++h) {
     b.map.direct[h] = b.map.bounced[h] = {};
@@ -444,6 +453,34 @@ void finish(Bake& b) {
   }
   b.summary = fmt::format("error {:.2f} % (noise {:.2f}, patches {:.2f}, tail {:.2f}), at most {:.2f} %", 100.0 * b.ledger.estimate,
                           100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
+}
+
+void checkByPaths(Bake& b) {
+  const BakeOptions& o = b.options;
+  if (!b.tracer || o.audit == Audit::Off || (o.audit == Audit::Auto && o.goal >= kAuditGoal)) {
+    b.summary = "left out";
+    return;
+  }
+  AuditOptions options;
+  options.rays = std::uint64_t(kAuditShare * double(b.tracer->rays()));
+  options.paths.shadows = b.plan.runs(Effect::Shadow);
+  options.paths.bounces = !b.plan.runs(Effect::Bounce) ? 0 : o.passes > 0 ? o.passes : -1;
+  b.audit = audit(b.map, b.values, b.scene, *b.texels, *b.tracer, b.stated, options, b.ledger, b.run);
+  if (b.audit.drawn == 0) {
+    b.summary = "nothing to check, or too few rays for it";
+    return;
+  }
+  const Found& f = b.audit.found;
+  b.summary = fmt::format("{} texels, {} paths: error {:.2f} % ({:.2f} to {:.2f}), bias {:+.2f} +- {:.2f} %", b.audit.drawn, b.audit.paths,
+                          100.0 * f.rms(), 100.0 * f.low(1.96), 100.0 * f.high(1.96), 100.0 * f.bias, 100.0 * f.biasError);
+  if (!b.audit.contradicts) return;
+  b.run.warn(
+      {{},
+       b.scene.file.string(),
+       "",
+       fmt::format("path tracing of {} texels contradicts the stated error: it is {:.2f} % at least, and the bound is raised to {:.2f} %",
+                   b.audit.drawn, 100.0 * f.low(1.96), 100.0 * b.ledger.bound95),
+       "LMC_AUDIT"});
 }
 
 namespace {

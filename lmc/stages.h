@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "libao/ao.h"
+#include "libradiosity/audit.h"
 #include "libradiosity/light_map.h"
 #include "libradiosity/seams.h"
 #include "libradiosity/solve.h"
@@ -54,10 +55,14 @@ struct Bake {
   nlohmann::ordered_json explained;  ///< null unless asked for
   LightMapValues values;             // finish
   ErrorLedger ledger;
+  std::vector<float> stated;  ///< error of each texel [lx]
+  AuditResult audit;          // audit
   std::vector<float> scales;  ///< one a map: E = stored value * scale
   ao::Openness openness;      ///< empty when the plan leaves it out
   Padding padding;            // seams
   SeamResult closed;          ///< empty when the plan leaves seams as they are
+
+  std::function<bool(double goal, std::uint64_t rays)> goOn;  ///< MapOptions
 
   std::string summary;  ///< of the stage that runs, for the log
   double tail() const { return std::max(solutions[0].tail, solutions[1].tail) + clampedAway; }
@@ -81,6 +86,7 @@ void patches(Bake&);
 void solve(Bake&);
 void hemisphere(Bake&);
 void finish(Bake&);
+void checkByPaths(Bake&);
 void occlude(Bake&);
 void seams(Bake&);
 
@@ -93,8 +99,9 @@ inline constexpr std::array kStages{
     StageRow{"direct", "direct light", 0.15, directLight},
     StageRow{"patches", "patches", 0.02, patches},
     StageRow{"solve", "bounced light on patches", 0.12, solve},
-    StageRow{"gather", "sky and bounced light", 0.55, hemisphere},
+    StageRow{"gather", "sky and bounced light", 0.47, hemisphere},
     StageRow{"finish", "values, error", 0.03, finish},
+    StageRow{"audit", "error, checked by path tracing", 0.08, checkByPaths},
     StageRow{"occlude", "ambient occlusion", 0.05, occlude},
     StageRow{"seams", "padding, seams closed", 0.02, seams},
 };

@@ -20,7 +20,7 @@ DOORS = {  # outside header -> files that may include it
     r'tbb/': {'libscene/parallel.h'},
     r'CLI/': {'lmc/options.cpp'},
     r'xxhash\.h': {'libscene/files.cpp'},
-    r'ceres/': {'libradiosity/seam_solve.cpp'},
+    r'ceres/': {'libradiosity/seam_solve.cpp', 'lmc/fits.cpp'},
     r'Eigen/': {'libradiosity/solve.cpp'},
     r'GL/': {'shaders/gl.h', 'shaders/gl.cpp'},
     r'dlfcn\.h': {'shaders/gl.cpp'},
