@@ -22,6 +22,10 @@ if(LMC_SANITIZE)
   add_link_options(-fsanitize=${LMC_SANITIZE})
 endif()
 
+if(LMC_FUZZ)
+  add_compile_options(-fsanitize=fuzzer-no-link)
+endif()
+
 # lmc_library(NAME SOURCES...): a static library per folder.
 function(lmc_library name)
   add_library(${name} STATIC ${ARGN})

@@ -193,7 +193,7 @@ std::vector<std::uint32_t> overlapping(std::span<const glm::i64vec2> uv, std::sp
   } catch (const Found&) {
   }
   std::ranges::sort(out);
-  out.erase(std::ranges::unique(out).begin(), out.end());
+  out.erase(std::unique(out.begin(), out.end()), out.end());
   return out;
 }
 

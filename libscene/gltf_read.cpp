@@ -421,6 +421,8 @@ tinygltf::Model typedModel(const GltfFile& file) {
     error = e.what();
   }
   if (done) return model;
+  // tinygltf catches whatever its parser throws, and keeps the text alone.
+  if (error.find("bad_alloc") != std::string::npos) throw std::bad_alloc();
   std::replace(error.begin(), error.end(), '\n', ' ');
   throw Error(Exit::Broken, file.path, "", "tinygltf cannot read it: " + error, "LMC_JSON_SCHEMA");
 }

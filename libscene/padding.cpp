@@ -119,7 +119,7 @@ Padding makePadding(const Scene& scene, const Charts& charts, std::span<const st
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t)
     if (charts.chartOf[t] != kNone) layout.claims(t, claims);
   std::ranges::sort(claims);
-  claims.erase(std::ranges::unique(claims).begin(), claims.end());
+  claims.erase(std::unique(claims.begin(), claims.end()), claims.end());
   run.progress(0.5);
   for (std::size_t i = 0; i < claims.size();) {
     const std::uint32_t texel = claims[i].texel;

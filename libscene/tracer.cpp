@@ -232,7 +232,8 @@ void Tracer::closest(std::span<const Ray> rays, std::span<Hit> hits, Purpose pur
     }
     rtcIntersect1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRayHit));
     for (std::size_t i = 0; i < n; ++i) hits[at + i] = device_->toHit(buffer[i]);
-    preferFronts(rays.subspan(at, n), hits.subspan(at, n));
+    // Whether a place is buried is asked of what is met first: within a box that reaches to the ceiling, the ceiling is no sight of a room.
+    if (purpose != Purpose::Exposure) preferFronts(rays.subspan(at, n), hits.subspan(at, n));
   }
   counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
 }

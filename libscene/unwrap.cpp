@@ -380,7 +380,7 @@ void Layouter::takeOut(const std::vector<std::pair<std::uint32_t, std::uint32_t>
   for (auto& [where, faces] : perChart) {
     Shape& shape = shapes_[where.first];
     std::ranges::sort(faces);
-    faces.erase(std::ranges::unique(faces).begin(), faces.end());
+    faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
     const Surface surface = surfaceOf(scene_, scene_.objects[shape.object]);
     FlatChart rest = shape.charts[where.second];
     for (auto f = faces.rbegin(); f != faces.rend(); ++f) {
