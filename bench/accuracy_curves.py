@@ -45,7 +45,7 @@ def section(name, study, options):
         truth = percent(r['true']['net']) if 'true' in r else '-'
         rows.append(f'| {100 * r["promised"]:g} % | {percent(r["estimate"])}, {percent(r["interval"][0])} to {percent(r["interval"][1])} | {truth} | '
                     f'{r["cpu_seconds"]:.2f} | {r["rays"]:,} | {r["peak_memory_bytes"] / 1e6:.0f} MB |')
-    fits = ', '.join(f'{what.replace("_", " ")} with error^{fit["exponent"]:.2f}' for what, fit in study.get('fit', {}).items())
+    fits = ', '.join(f'{"CPU seconds" if what == "cpu_seconds" else what} with error^{fit["exponent"]:.2f}' for what, fit in study.get('fit', {}).items())
     reference = study['reference']
     about = f'Reference: {reference["texels"]} texels, {reference["paths_a_texel"]:,.0f} paths each, noise {percent(reference["noise"])} %. {fits[:1].upper() + fits[1:]}.'
     return f'### {name}\n\n![{name}](images/accuracy_{name}.svg)\n\n' + '\n'.join(rows) + f'\n\n{about}\n'

@@ -87,7 +87,7 @@ struct Targets {
 // direct light, patches), so low that it takes about half of what is left; rounds of hemisphere rays fill the rest. Else the draft itself
 // goes on in rounds.
 constexpr double kDraft = 0.08, kFinest = 0.005;  // goals
-constexpr double kFill = 0.97;                    // of the time: where the end is aimed at
+constexpr double kFill = 0.97, kFull = 1.03;      // of the time: no round begins after the first, none that would end after the second
 constexpr double kOver = 1.1;                     // of the time: what ends later could not be done in it
 constexpr double kBaseShare = 0.5;
 constexpr double kWorthwhile = 3.0;                                          // drafts that must fit into what is left
@@ -107,7 +107,12 @@ struct DraftIsEnough {};
 class InTime {
  public:
   InTime(const BakeOptions& options, Progress& progress, Targets& targets)
-      : draft_(options), better_(options), end_s_(kFill * options.time_s), progress_(progress), targets_(targets) {
+      : draft_(options),
+        better_(options),
+        end_s_(kFill * options.time_s),
+        full_s_(kFull * options.time_s),
+        progress_(progress),
+        targets_(targets) {
     draft_.goal = kDraft;
     draft_.goalIsExplicit = false;
     draft_.audit = better_.audit = Audit::Off;  // its rays would not be counted in the time that is left
@@ -164,11 +169,21 @@ class InTime {
   /// Values, seams and files take about as long as reading and charts did.
   double after(const Work& work) const { return work.secondsOf("load") + work.secondsOf("charts"); }
 
-  /// Whether a round of so many rays towards a goal is to be cast: if it ends in time at the pace so far.
-  bool another(const Work& work, double goal, std::uint64_t rays) const {
+  /// Whether a round of so many rays towards a goal is to be cast: if there is time left, and it ends in time at the pace of the last
+  /// round.
+  bool another(const Work& work, double goal, std::uint64_t rays) {
     const double now = clock_.seconds(), cast = double(work.b.tracer->rays() - work.raysBefore);
-    const double pace = (now - gatherBegun_s_) / std::max(1.0, cast);
-    return goal >= kFinest * kRoundStep && now + pace * double(rays) + after(work) <= end_s_;
+    if (work.b.map.rounds == 0) {
+      asked_s_ = gatherBegun_s_;
+      askedRays_ = 0.0;
+    }
+    // A round that had nothing to cast says nothing of the pace.
+    if (cast > askedRays_) {
+      pace_s_ = (now - asked_s_) / (cast - askedRays_);
+      asked_s_ = now;
+      askedRays_ = cast;
+    }
+    return goal >= kFinest * kRoundStep && now + after(work) < end_s_ && now + pace_s_ * double(rays) + after(work) <= full_s_;
   }
 
   double goalFor(double seconds, const Work& draft, double gather_s) const {
@@ -189,7 +204,8 @@ class InTime {
   }
 
   BakeOptions draft_, better_;
-  double end_s_, gatherBegun_s_ = 0.0;
+  double end_s_, full_s_, gatherBegun_s_ = 0.0;
+  double asked_s_ = 0.0, askedRays_ = 0.0, pace_s_ = 0.0;  ///< when the last round was asked for, and the rays of the stage until then
   Progress& progress_;
   Targets& targets_;
   Clock clock_;
