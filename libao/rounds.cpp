@@ -103,21 +103,16 @@ bool giveOut(std::vector<Pool>& pools, double error) {
 
 double foretellRays(const Options& options, std::span<const Sums> sums, std::span<const std::uint32_t> poolOf, std::uint32_t poolCount,
                     const CastAll& cast) {
+  const std::uint32_t each = options.rays > 0 ? wholeBlocks(0.5 * options.rays) : kPilotRays;
   std::vector<std::uint32_t> wanted(sums.size(), 0);
-  const std::uint32_t first = options.rays > 0 ? wholeBlocks(0.5 * options.rays) : kPilotRays;
-  double entries = 0.0;
   for (std::size_t i = 0; i < sums.size(); ++i)
-    if (poolOf[i] != kNone) {
-      wanted[i] = kPilotRays;
-      entries += 1.0;
-    }
+    if (poolOf[i] != kNone) wanted[i] = each;
   cast(wanted, 0.0, 1.0);
-  if (options.rays > 0) return 2.0 * first * entries;
   std::vector<Pool> pools = makePools(sums, poolOf, poolCount);
-  giveOut(pools, kAims[1] * options.error);
+  if (options.rays == 0) giveOut(pools, kAims[1] * options.error);
   double rays = 0.0;
   for (const Pool& p : pools)
-    if (p.entries > 0) rays += 2.0 * p.entries * wholeBlocks(p.wanted);
+    if (p.entries > 0) rays += 2.0 * p.entries * wholeBlocks(options.rays > 0 ? p.rays : p.wanted);
   return rays;
 }
 

@@ -25,7 +25,7 @@ using CastAll = std::function<std::uint64_t(std::span<const std::uint32_t> wante
 Openness castInRounds(const Options&, std::span<const Sums> sums, std::span<const std::uint32_t> poolOf, std::uint32_t poolCount,
                       const CastAll& cast);
 
-/// The rays that castInRounds is going to cast, both halves, from its pilot alone.
+/// The rays that castInRounds is going to cast, both halves, from its pilot alone; where their number is given, from all of them.
 double foretellRays(const Options&, std::span<const Sums> sums, std::span<const std::uint32_t> poolOf, std::uint32_t poolCount,
                     const CastAll& cast);
 

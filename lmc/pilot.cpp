@@ -16,21 +16,23 @@ constexpr double kPilotTail = 0.01;
 constexpr std::uint32_t kStream = 4;  // of random numbers: apart from those of the bake
 // Of the map's cells that get hemisphere rays: this share, but texels enough to tell, and no more than that takes.
 constexpr double kSampled = 0.04, kLeastTexels = 5000.0, kMostTexels = 15000.0;
-constexpr std::size_t kAoBlocks = 400;  // of kAoBlock x kAoBlock texels, for rays of ambient occlusion
+constexpr std::size_t kAoBlocks = 250;  // of kAoBlock x kAoBlock texels, for rays of ambient occlusion
+constexpr std::uint32_t kManyAoRays = 96;
 constexpr int kAoBlock = 4;
 // Bounds above what is measured: on every texel of the map by two places; and what coarse patches see of the sky and of bounces.
 constexpr double kDirectMargin = 1.1, kPatchMargin = 1.5;
 
 // What a stage takes beside its rays [s], measured on one core of 2.6 GHz (docs/plan.md). Rays are timed by the pilot itself.
 constexpr double kDirectTexel_s = 0.7e-6;
-constexpr double kGatherTexel_s = 0.35e-6, kGatherTexels_s = 0.7e-6;         // of the map's texels: in the pilot, in the bake
-constexpr double kAo_s = 0.014, kAoTexels_s = 0.04e-6, kAoTexel_s = 1.1e-6;  // once; of the map's texels; of those that are asked
+constexpr double kGatherTexel_s = 0.35e-6, kGatherTexels_s = 0.7e-6;  // of the map's texels: in the pilot, in the bake
+constexpr double kAoTexel_s = 3e-6, kAoHard = 1.25;                   // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
 constexpr double kLeastRay_s = 0.05e-6;
 // Against the pilot's patches: how many the bake makes at a goal of 2 %, and how often it does to them what the pilot does once.
 constexpr double kFinerPatches = 3.5, kMeshAgain = 3.0, kLightAgain = 3.0;
 // Spread of what comes out of these, beside what sampling leaves: standard deviations of the logarithm.
-constexpr double kDirectSpread = 0.15, kPatchSpread = 0.3, kGatherSpread = 0.15, kAoSpread = 0.1, kSeamSpread = 0.5;
+constexpr double kFewBlocks = 1.4;
+constexpr double kDirectSpread = 0.15, kPatchSpread = 0.3, kGatherSpread = 0.2, kAoSpread = 0.15, kSeamSpread = 0.5;
 
 class Clock {
  public:
@@ -223,21 +225,30 @@ class PilotRun {
     b_.map.chart = whole;
     const auto size = double(b_.map.size());
     const double ray_s = std::max(kLeastRay_s, (clock.lap() - kGatherTexel_s * size) / std::max(1.0, told.cast));
-    const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? told.standardError / told.rays : 0.0);
+    // Few blocks know little of their own spread.
+    const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0);
     out_.gather = forecast(told.rays, kGatherTexels_s * size + ray_s * told.rays, spread);
   }
 
   void openness() {
     const Sample sample = sampleOf(b_.map, kAoBlock, kAoBlocks);
-    Clock clock;
-    const double before = rays(Purpose::Occlusion);
-    const double told = ao::foretellMap(b_.scene, *b_.texels, sample.chart, *b_.tracer, b_.options.ao.how, quiet_);
-    const double cast = rays(Purpose::Occlusion) - before;
     if (!(sample.texels > 0.0)) return;
-    const double ray_s = std::max(
-        kLeastRay_s, (clock.lap() - kAo_s - kAoTexels_s * double(b_.map.size()) - kAoTexel_s * sample.texels) / std::max(1.0, cast));
-    const double all = told * sample.all / sample.texels;
-    out_.occlude = forecast(all, kAoTexel_s * sample.all + ray_s * all, kAoSpread);
+    const double all = sample.all / sample.texels;
+    // The same texels with few rays and with many: what a texel takes, and what a ray.
+    ao::Options options = b_.options.ao.how;
+    const auto timed = [&](double& told) {
+      Clock clock;
+      const double before = rays(Purpose::Occlusion);
+      told = all * ao::foretellMap(b_.scene, *b_.texels, sample.chart, *b_.tracer, options, quiet_);
+      return std::pair(clock.lap(), rays(Purpose::Occlusion) - before);
+    };
+    double told = 0.0, many = 0.0;
+    timed(told);  // what a first time takes beside is no part of a ray
+    const auto [few_s, fewRays] = timed(told);
+    options.rays = kManyAoRays;
+    const auto [many_s, manyRays] = timed(many);
+    const double ray_s = std::max(kLeastRay_s, (many_s - few_s) / std::max(1.0, manyRays - fewRays));
+    out_.occlude = forecast(told, kAoTexel_s * sample.all + kAoHard * ray_s * told, kAoSpread);
   }
 
   /// Bounds of what each effect gives, its own bounces included.

@@ -161,6 +161,32 @@ class Test:
         told, came = report['forecast']['rays'], report['forecast']['actual']['rays']
         self.expect(0.4 * came < told < 2.5 * came, f'{told} rays foretold, {came} came')
 
+    def explained(self):
+        """One texel told apart: its parts are what the map has there, and what stands in the way has a name."""
+        file = self.write(room(self.make, 'told', column=True, panel=400.0))
+        out, _ = self.bake(file, 'told_plain')
+        alpha = self.channel(out / 'lightmap.exr', 'A')
+        covered = [i for i, a in enumerate(alpha) if a == 1.0]
+        shadowed = 0
+        for i in covered[::len(covered) // 12]:
+            told, report = self.bake(file, 'told', '--explain', f'{i % 64},{i // 64}')
+            self.expect((told / 'lightmap.exr').read_bytes() == (out / 'lightmap.exr').read_bytes(), '--explain changes the map')
+            e = report['explain']
+            for name, parts in (('direct', e['lamps'] + e['emitters']), ('indirect', e['surfaces'])):
+                for c in range(3):
+                    found, has = sum(p['illuminance'][c] for p in parts), e[name][c]
+                    # 64 places and 4096 rays of its own; the draft's texel has its stated error and may be interpolated.
+                    self.expect(abs(found - has) <= 4.0 * e['standard_error'][c] + 0.1 * has, f'texel {i}: {name} {has}, its parts {found}')
+            for lamp in e['lamps']:
+                self.expect(all(g <= u * (1.0 + 1e-9) for g, u in zip(lamp['illuminance'], lamp['unblocked'])), f'more than unblocked: {lamp}')
+                shadowed += any(b['object'].startswith(('/column', '/panel')) for b in lamp['blocked_by'])
+        self.expect(shadowed > 0, 'nothing stands in the way of the lamp anywhere')
+        self.run('bake', file, '-o', self.out / 'none', '--explain', '64,0', '--preset', 'draft', exit=1)
+        free = next(i for i, a in enumerate(alpha) if a != 1.0)
+        self.run('bake', file, '-o', self.out / 'none', '--explain', f'{free % 64},{free // 64}', '--preset', 'draft', exit=1)
+        self.run('bake', file, '-o', self.out / 'none', '--explain', '1', exit=1)
+        self.expect(not (self.out / 'none' / 'lightmap.exr').exists(), 'a refused --explain writes a map')
+
     def lightless(self):
         level = room(self.make, 'lightless', lamp=0.0)
         _, report = self.bake(self.write(level), 'lightless_baked')
@@ -177,6 +203,7 @@ def main():
         test.pairs()
         test.planes()
         test.words()
+        test.explained()
         test.lightless()
     for line in test.bad:
         print('FAIL', line)
