@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numeric>
@@ -21,7 +22,7 @@ struct Corner {
 
 /// Vertices of equal position and normal have one entry, which all of their triangles' corners belong to.
 struct Entries {
-  std::vector<std::uint32_t> of;  ///< one a vertex; kNone where no triangle uses it
+  std::vector<std::uint32_t> of;  ///< one a vertex; kNone where no triangle that receives light uses it
   std::vector<std::uint32_t> first{0};
   std::vector<Corner> corners;     ///< of entry e: [first[e], first[e + 1])
   std::vector<double> reached_m2;  ///< area of them up to and with this one
@@ -43,9 +44,10 @@ Entries entriesOf(const Scene& scene) {
   out.of.assign(scene.positions_m.size(), kNone);
   std::unordered_map<std::uint64_t, std::uint32_t> known;
   std::vector<std::uint32_t> size;
-  for (const glm::uvec3& t : scene.triangles)
-    for (int c = 0; c < 3; ++c) {
-      const std::uint32_t v = t[c];
+  const auto wanted = [&](std::uint32_t t) { return scene.objectOf(t).receive; };
+  for (std::uint32_t t = 0; t < scene.triangles.size(); ++t)
+    for (int c = 0; c < 3 && wanted(t); ++c) {
+      const std::uint32_t v = scene.triangles[t][c];
       if (out.of[v] == kNone) {
         const std::uint64_t key = hashOf(scene.normals[v], hashOf(scene.positions_m[v], 0));
         const auto [it, fresh] = known.try_emplace(key, std::uint32_t(size.size()));
@@ -58,7 +60,7 @@ Entries entriesOf(const Scene& scene) {
   out.corners.resize(out.first.back());
   std::vector<std::uint32_t> next(out.first.begin(), out.first.end() - 1);
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t)
-    for (std::uint32_t c = 0; c < 3; ++c) out.corners[next[out.of[scene.triangles[t][int(c)]]]++] = {t, c};
+    for (std::uint32_t c = 0; c < 3 && wanted(t); ++c) out.corners[next[out.of[scene.triangles[t][int(c)]]]++] = {t, c};
   out.reached_m2.resize(out.corners.size());
   for (std::size_t e = 0; e < out.count(); ++e) {
     double sum = 0.0;
@@ -72,8 +74,8 @@ Entries entriesOf(const Scene& scene) {
 SurfacePoint placeRound(const Scene& scene, const Entries& entries, std::size_t e, glm::vec2 u) {
   const std::uint32_t first = entries.first[e], end = entries.first[e + 1];
   const double wish = double(u.x) * entries.reached_m2[end - 1];
-  std::uint32_t k = first;
-  while (k + 1 < end && entries.reached_m2[k] <= wish) ++k;
+  const auto reached = entries.reached_m2.begin();
+  const auto k = std::uint32_t(std::upper_bound(reached + first, reached + end - 1, wish) - reached);
   const double before = k > first ? entries.reached_m2[k - 1] : 0.0, own = entries.reached_m2[k] - before;
   const double rest = own > 0.0 ? std::clamp((wish - before) / own, 0.0, 1.0) : 0.5;
   // Of a linear weight over a triangle the share w has the density 6 w (1 - w), and so the distribution 3 w^2 - 2 w^3 = rest.

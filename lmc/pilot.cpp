@@ -22,7 +22,7 @@ constexpr int kAoBlock = 4;
 // Bounds above what is measured: on every texel of the map by two places; and what coarse patches see of the sky and of bounces.
 constexpr double kDirectMargin = 1.1, kPatchMargin = 1.5;
 
-// What a stage takes beside its rays [s], measured on one core of 2.6 GHz (docs/plan.md). Rays are timed by the pilot itself.
+// What a stage takes beside its rays [s], from bakes of the reference scenes. Rays are timed by the pilot itself.
 constexpr double kDirectTexel_s = 0.7e-6;
 constexpr double kGatherTexel_s = 0.35e-6, kGatherTexels_s = 0.7e-6;  // of the map's texels: in the pilot, in the bake
 constexpr double kAoTexel_s = 3e-6, kAoHard = 1.25;                   // rays of later rounds go where geometry is dense

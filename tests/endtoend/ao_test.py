@@ -112,6 +112,9 @@ class Test:
             means.append(sum(v) / len(v))
         self.expect(means[1] < means[0], f'openness of {name} alone {means[0]}, in the level {means[1]}')
         self.run('ao', self.samples / 'court.glb', '-o', self.out / 'n.exr', '--node', 'nobody', exit=1)
+        vertices = [json.loads(self.run('ao', self.samples / 'court.glb', '-o', self.out / 'n.glb', '--per-vertex', '--json', *more).stdout)
+                    for more in ([], ['--node', name, '--with-level'])]
+        self.expect(0 < vertices[1]['rays'] < 0.7 * vertices[0]['rays'], f'vertices of {name} alone take {vertices[1]["rays"]} rays, of the whole level {vertices[0]["rays"]}')
 
     def refusals(self):
         model = self.samples / 'court.glb'

@@ -291,7 +291,7 @@ class Bakes(Case):
         self.assertEqual(struct.unpack(">II", files["seams.png"][16:24]), (2 * side + 8, side))
         step = [s for s in closed["plan"] if s["effect"] == "seams"][0]
         seams = closed["seams"]
-        self.assertEqual(step, {"effect": "seams", "run": True, "because": f"{seams['pairs']} chart edges meet on smooth surfaces"})
+        self.assertEqual((step["run"], step["because"]), (True, f"{seams['pairs']} chart edges meet on smooth surfaces"))
         # Twelve edges of the ball's cube of eight quads each; the column's three cuts.
         self.assertEqual(seams["pairs"], 12 * 8 + 3)
         self.assertLess(seams["after"]["largest_lx"], seams["before"]["largest_lx"] / 5.0)
