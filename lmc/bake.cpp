@@ -154,6 +154,8 @@ class InTime {
       if (stage.work == hemisphere) {
         if (before) {
           work.b.openness = std::move(before->b.openness);
+          if (before->b.tracer)
+            work.b.occlusionRaysBefore = before->b.tracer->rays(Purpose::Occlusion) - before->b.pilotRays[std::size_t(Purpose::Occlusion)];
           const auto told = std::ranges::find(before->spoken.stages, std::string("occlude"), &StageTime::name);
           if (told != before->spoken.stages.end()) work.spoken.stages.push_back(*told);
         } else {

@@ -5,6 +5,8 @@
 
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <exception>
 #include <new>
 #include <system_error>
 
@@ -44,7 +46,23 @@ extern "C" void onSignal(int signal) {
 
 extern "C" void onAlarm(int) { leave(lmc::askedToStop()); }
 
+constexpr char kOutOfMemory[] = "lmc: error: out of memory [LMC_MEMORY]\n";
+
+/// Destructors of outside libraries' values (JSON's) take memory, and cannot throw when there is none.
+void onTerminate() {
+  try {
+    if (const std::exception_ptr e = std::current_exception()) std::rethrow_exception(e);
+  } catch (const std::bad_alloc&) {
+    std::fputs(kOutOfMemory, stderr);
+    lmc::removeTemporaryFiles();
+    _exit(int(lmc::Exit::Limit));
+  } catch (...) {
+  }
+  std::abort();
+}
+
 void prepareProcess() {
+  std::set_terminate(onTerminate);
   // Files that are opened must never land on descriptors 0 to 2, or the log would be written into them.
   for (int fd = 0; fd <= 2; ++fd)
     if (fcntl(fd, F_GETFD) < 0) static_cast<void>(open("/dev/null", O_RDWR));
@@ -95,7 +113,7 @@ int main(int argc, char** argv) {
     lmc::tell(fmt::format("{}\n", e.what()));
     return int(e.kind);
   } catch (const std::bad_alloc&) {
-    std::fputs("lmc: error: out of memory [LMC_MEMORY]\n", stderr);
+    std::fputs(kOutOfMemory, stderr);
     return int(lmc::Exit::Limit);
   } catch (const std::system_error& e) {  // fmt's, of stdout: every file of ours ends in an Error
     lmc::tell(fmt::format("{}\n", lmc::line("error", "standard output", "", std::string("cannot be written: ") + e.what(), "LMC_FILE")));

@@ -206,10 +206,11 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     r["energy"] = {{"balance", 0.0}};
   }
   Json rays;
-  rays["total"] = b.tracer ? b.tracer->rays() : 0;
+  rays["total"] = b.occlusionRaysBefore + (b.tracer ? b.tracer->rays() : 0);
   rays["pilot"] = std::accumulate(b.pilotRays.begin(), b.pilotRays.end(), std::uint64_t(0));
   for (std::size_t p = 0; p < kPurposeNames.size(); ++p)
-    rays[kPurposeNames[p]] = b.tracer ? b.tracer->rays(Purpose(p)) - b.pilotRays[p] : 0;
+    rays[kPurposeNames[p]] =
+        (b.tracer ? b.tracer->rays(Purpose(p)) - b.pilotRays[p] : 0) + (Purpose(p) == Purpose::Occlusion ? b.occlusionRaysBefore : 0);
   r["rays"] = rays;
   // Seconds by light: the direct stage's, by rays.
   double directSeconds = 0.0;

@@ -55,12 +55,13 @@ struct Bake {
   nlohmann::ordered_json explained;  ///< null unless asked for
   LightMapValues values;             // finish
   ErrorLedger ledger;
-  std::vector<float> stated;  ///< error of each texel [lx]
-  AuditResult audit;          // audit
-  std::vector<float> scales;  ///< one a map: E = stored value * scale
-  ao::Openness openness;      ///< empty when the plan leaves it out
-  Padding padding;            // seams
-  SeamResult closed;          ///< empty when the plan leaves seams as they are
+  std::vector<float> stated;              ///< error of each texel [lx]
+  AuditResult audit;                      // audit
+  std::vector<float> scales;              ///< one a map: E = stored value * scale
+  ao::Openness openness;                  ///< empty when the plan leaves it out
+  std::uint64_t occlusionRaysBefore = 0;  ///< of an openness that a draft has made
+  Padding padding;                        // seams
+  SeamResult closed;                      ///< empty when the plan leaves seams as they are
 
   std::function<bool(double goal, std::uint64_t rays)> goOn;  ///< MapOptions
 
