@@ -40,9 +40,8 @@ struct Forecast {
 /// What a lamp can do.
 struct LampFact {
   std::string path;
-  double texels = 0.0;   ///< share of the covered ones that it would light if nothing blocked it
-  double bound = 0.0;    ///< relative RMS over the level if nothing blocked it
-  bool grouped = false;  ///< asked with others, in proportion to what it may give, somewhere or everywhere
+  double texels = 0.0;  ///< share of the covered ones that it would light if nothing blocked it
+  double bound = 0.0;   ///< relative RMS over the level if nothing blocked it
 };
 
 /// Of few rays: the light on coarse patches, two places on every texel, hemisphere rays at some of them.
@@ -52,7 +51,6 @@ struct Pilot {
   std::vector<LampFact> lamps;
   double openShare = 0.0;   ///< of rays from surfaces, those that leave the level
   double meanAlbedo = 0.0;  ///< by area
-  double nearShare = 0.0;   ///< of hemisphere rays, hits so near that their light is found at the very place
   int bounces = 0;          ///< passes until what is left is negligible
   Forecast direct, patches, solve, gather, occlude, seams, rest;
   double rays = 0.0, cpu_s = 0.0;  ///< spent on it

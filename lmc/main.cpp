@@ -5,7 +5,6 @@
 
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <new>
 #include <system_error>
@@ -48,17 +47,22 @@ extern "C" void onAlarm(int) { leave(lmc::askedToStop()); }
 
 constexpr char kOutOfMemory[] = "lmc: error: out of memory [LMC_MEMORY]\n";
 
-/// Destructors of outside libraries' values (JSON's) take memory, and cannot throw when there is none.
+/// What ends where nothing can be thrown: destructors of outside libraries' values (JSON's) take memory. Nothing is left behind.
 void onTerminate() {
+  lmc::Exit code = lmc::Exit::Internal;
   try {
     if (const std::exception_ptr e = std::current_exception()) std::rethrow_exception(e);
+    std::fputs("lmc: error: internal: ended out of order [LMC_INTERNAL]\n", stderr);
   } catch (const std::bad_alloc&) {
     std::fputs(kOutOfMemory, stderr);
-    lmc::removeTemporaryFiles();
-    _exit(int(lmc::Exit::Limit));
+    code = lmc::Exit::Limit;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "lmc: error: internal: %s [LMC_INTERNAL]\n", e.what());
   } catch (...) {
+    std::fputs("lmc: error: internal: not known [LMC_INTERNAL]\n", stderr);
   }
-  std::abort();
+  lmc::removeTemporaryFiles();
+  _exit(int(code));
 }
 
 void prepareProcess() {
