@@ -93,6 +93,21 @@ Receivers around(std::span<const SurfacePoint> places) {
   return r;
 }
 
+/// Of rays to a lamp from some of `places` places; those without a ray get nothing.
+DirectPart meanOf(std::span<const glm::dvec3> unshadowed, std::span<const std::uint8_t> blocked, std::size_t places) {
+  DirectPart out;
+  std::size_t seen = 0;
+  for (std::size_t i = 0; i < unshadowed.size(); ++i) {
+    out.unshadowed += unshadowed[i] / double(places);
+    if (blocked[i]) continue;
+    ++seen;
+    out.illuminance += unshadowed[i] / double(places);
+  }
+  out.seen = seen > 0;
+  out.mixed = seen > 0 && seen < places;  // the edge of a cone or of the light's side counts as an edge, too
+  return out;
+}
+
 }  // namespace
 
 DirectLight::DirectLight(const Scene& scene, const Tracer& tracer, bool shadows)
@@ -144,16 +159,7 @@ DirectPart DirectLight::punctual(std::span<const SurfacePoint> places, std::uint
   if (n == 0) return out;
   trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
   if (shadows_) rays_[index].fetch_add(n, std::memory_order_relaxed);
-  std::size_t seen = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    out.unshadowed += unshadowed[i] / double(places.size());
-    if (blocked[i]) continue;
-    ++seen;
-    out.illuminance += unshadowed[i] / double(places.size());
-  }
-  out.seen = seen > 0;
-  out.mixed = seen > 0 && seen < places.size();  // the edge of a cone or of the light's side counts as an edge, too
-  return out;
+  return meanOf({unshadowed.data(), n}, {blocked.data(), n}, places.size());
 }
 
 bool DirectLight::isNearby(std::uint32_t index, const glm::dvec3& place_m, double diameter_m) const {
@@ -223,16 +229,7 @@ DirectPart DirectLight::punctualNearby(std::span<const TexelPiece> pieces, std::
   if (n == 0) return out;
   trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
   if (shadows_) rays_[index].fetch_add(n, std::memory_order_relaxed);
-  std::size_t seen = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    out.unshadowed += unshadowed[i] / double(count);
-    if (blocked[i]) continue;
-    ++seen;
-    out.illuminance += unshadowed[i] / double(count);
-  }
-  out.seen = seen > 0;
-  out.mixed = seen > 0 && seen < count;
-  return out;
+  return meanOf({unshadowed.data(), n}, {blocked.data(), n}, count);
 }
 
 DirectPart DirectLight::emitters(std::span<const SurfacePoint> places, std::span<const std::uint32_t> emitters,
