@@ -263,10 +263,10 @@ std::vector<std::string> namesOfMaps(const std::string& stem, std::size_t count)
 
 TrueError trueError(const std::vector<std::filesystem::path>& maps, const std::vector<std::filesystem::path>& references, bool openness) {
   const std::vector<std::string> names = openness ? std::vector<std::string>{"Y"} : std::vector<std::string>{"R", "G", "B"};
-  struct Texel {
+  struct Off {
     double off2, noise2;
   };
-  std::vector<Texel> texels;
+  std::vector<Off> texels;
   double sum = 0.0, off = 0.0, values = 0.0;
   for (std::size_t k = 0; k < maps.size(); ++k) {
     const ExrImage map = readExr(maps[k]), reference = readExr(references[k]);
@@ -275,20 +275,20 @@ TrueError trueError(const std::vector<std::filesystem::path>& maps, const std::v
                   fmt::format("is {} x {}, the map {} x {}", reference.width, reference.height, map.width, map.height));
     const float mapScale = scaleOf(map), referenceScale = scaleOf(reference);
     const auto covered = reference.channels.find("A");
-    std::vector<const std::vector<float>*> is, is_, error;
+    std::vector<const std::vector<float>*> found, right, error;
     for (const std::string& name : names) {
-      is.push_back(&channelOf(map, maps[k], name));
-      is_.push_back(&channelOf(reference, references[k], name));
+      found.push_back(&channelOf(map, maps[k], name));
+      right.push_back(&channelOf(reference, references[k], name));
       const auto it = reference.channels.find("stderr." + name);
       error.push_back(it == reference.channels.end() ? nullptr : &it->second);
     }
     const auto own = map.channels.find("A");
-    for (std::size_t i = 0; i < is[0]->size(); ++i) {
+    for (std::size_t i = 0; i < found[0]->size(); ++i) {
       if (covered != reference.channels.end() && !(covered->second[i] > 0.5f)) continue;
       if (own != map.channels.end() && !(own->second[i] > 0.5f)) continue;
-      Texel t{0.0, 0.0};
+      Off t{0.0, 0.0};
       for (std::size_t c = 0; c < names.size(); ++c) {
-        const double truth = double((*is_[c])[i]) * double(referenceScale), d = double((*is[c])[i]) * double(mapScale) - truth;
+        const double truth = double((*right[c])[i]) * double(referenceScale), d = double((*found[c])[i]) * double(mapScale) - truth;
         const double e = error[c] ? double((*error[c])[i]) * double(referenceScale) : 0.0;
         t.off2 += d * d / double(names.size());
         t.noise2 += e * e / double(names.size());
@@ -304,7 +304,7 @@ TrueError trueError(const std::vector<std::filesystem::path>& maps, const std::v
   if (texels.empty()) return out;
   const double n = double(texels.size()), mean = sum / values, unit = mean > 0.0 && !openness ? 1.0 / mean : 1.0;
   double off2 = 0.0, noise2 = 0.0, squares = 0.0;
-  for (const Texel& t : texels) {
+  for (const Off& t : texels) {
     off2 += t.off2 / n;
     noise2 += t.noise2 / n;
     squares += t.off2 * t.off2 / n;
