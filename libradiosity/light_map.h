@@ -134,7 +134,13 @@ void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, con
 /// Hemisphere rays that bakeHemisphere is going to cast on the whole map.
 struct HemisphereForecast {
   double rays = 0.0, standardError = 0.0;
+  double near = 0.0;  ///< of them, those that meet something near
   double cast = 0.0;  ///< on the sample
+  /// Of the light that comes from what is near: mean over texels of the largest channel, and of its square [lx, lx^2].
+  struct NearLight {
+    double texels = 0.0, mean = 0.0, mean2 = 0.0;
+  };
+  std::vector<NearLight> nearLight;  ///< one an object, then the level; no texels: not in the sample
 };
 /// bakeHemisphere on MapOptions::sampled of the map, whose other texels lose their charts.
 HemisphereForecast foretellHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&,

@@ -73,6 +73,7 @@ class HemisphereBaker {
     }
     map.coarse.assign(map.size(), Rgb(0.0f));
     map.near.assign(map.size(), 0);
+    if (options.sampled < 1.0) near_.resize(map.size());
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
     if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
     static_assert(kTile % kGuideBlock == 0);
@@ -117,6 +118,21 @@ class HemisphereBaker {
     out.rays = rays.sum;
     out.standardError = rays.standardError;
     for (const std::uint32_t n : map_.rays) out.cast += 2.0 * n;
+    out.near = cells_.estimate([this](std::size_t i) { return double(near_[i].rays); }).sum;
+    out.nearLight.resize(scene_.objects.size() + 1);
+    for (std::size_t i = 0; i < near_.size(); ++i) {
+      if (poolOf_[i] == kNone) continue;
+      const double e = double(strength(near_[i].light)) / (2.0 * map_.rays[i]), own = 1.0 / cells_.sharedBy(i);
+      for (auto* sum : {&out.nearLight[map_.object[i]], &out.nearLight.back()}) {
+        sum->texels += own;
+        sum->mean += own * e;
+        sum->mean2 += own * e * e;
+      }
+    }
+    for (auto& n : out.nearLight) {
+      n.mean /= std::max(1e-9, n.texels);
+      n.mean2 /= std::max(1e-9, n.texels);
+    }
     return out;
   }
 
@@ -208,6 +224,7 @@ class HemisphereBaker {
           map_.bounced[std::size_t(h)][i] += Rgb(g.bounced);
           map_.sky[std::size_t(h)][i] += float(g.sky);
           map_.coarse[i] += Rgb(g.coarse);
+          if (!near_.empty()) near_[i] = {near_[i].rays + g.near, near_[i].light + Rgb(g.nearLight)};
           if (double(g.touching) > kTouchingShare * (end - begin))
             map_.near[i] = 2;
           else if (double(g.near) > kNearShare * (end - begin))
@@ -476,6 +493,11 @@ class HemisphereBaker {
   std::vector<std::uint32_t> wanted_;   // rays each half
   std::vector<Pool> pools_;
   std::vector<std::uint32_t> poolOf_;  // one a texel; kNone = not gathered
+  struct Near {
+    std::uint32_t rays = 0;
+    Rgb light{0.0f};  // sum over rays of both halves
+  };
+  std::vector<Near> near_;  // one a texel of a sample, else none
   std::vector<double> objectMean_, objectTexels_;
   double mean_ = 0.0;
 };

@@ -167,7 +167,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->check(CLI::IsMember({"draft", "level", "final"}))
       ->type_name("NAME");
   app->add_option("--effects", o.effects,
-                  "auto, exactly these (direct,shadow,area,sky,bounce,ao,bent,tangents,seams), or changes to auto (+sky,-bounce)")
+                  "auto, exactly these (direct,shadow,area,sky,bounce,ao,bent,tangents,seams), or changes to auto (+sky,-bounce,-near,"
+                  "-colour,-alpha); lmc plan tells of each")
       ->type_name("LIST");
   app->add_option_function<std::string>(
          "--passes",

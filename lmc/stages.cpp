@@ -11,6 +11,7 @@
 #include "libscene/exr.h"
 #include "libscene/files.h"
 #include "libscene/parallel.h"
+#include "libscene/texture.h"
 #include "lmc/ao.h"
 #include "lmc/explain.h"
 #include "lmc/pilot.h"
@@ -30,6 +31,8 @@ constexpr std::size_t kDenseNearlyWhite = 1500;
 constexpr double kTailShare = 0.05;  // of the goal, for bounces left out
 constexpr int kLargestMap = 16384;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
+
+Plan planFor(const Bake& b) { return makePlan({b.options.effects, b.options.goal, b.options.passes > 0}, b.facts); }
 
 }  // namespace
 
@@ -57,12 +60,26 @@ void chooseLightUnit(Bake& b) {
   for (Material& m : b.scene.materials) inUnits(m.emission);
 }
 
+void makeGrey(Scene& scene) {
+  if (scene.grey) return;
+  scene.grey = true;
+  const auto byLuminance = [](Rgb& c) { c = Rgb(luminance(c)); };
+  byLuminance(scene.sky);
+  for (Light& l : scene.lights) byLuminance(l.intensity);
+  for (Material& m : scene.materials)
+    if (!m.emissionTexture) byLuminance(m.emission);
+}
+
 /// What does not run is not there for the stages that follow.
 void dropWhatDoesNotRun(Bake& b) {
   if (!b.plan.runs(Effect::Direct)) b.scene.lights.clear();
   if (!b.plan.runs(Effect::Sky)) b.scene.sky = Rgb(0.0f);
   if (!b.plan.runs(Effect::Area))
     for (Material& m : b.scene.materials) m.emission = Rgb(0.0f);
+  if (!b.plan.runs(Effect::Alpha))
+    for (Material& m : b.scene.materials)
+      if (m.alpha == Material::Alpha::Mask) m.alpha = Material::Alpha::Opaque;
+  if (!b.plan.runs(Effect::Colour) && !b.facts.grey) makeGrey(b.scene);
 }
 
 }  // namespace
@@ -70,7 +87,7 @@ void dropWhatDoesNotRun(Bake& b) {
 void plan(Bake& b) {
   chooseLightUnit(b);
   b.facts = factsOf(b.scene);
-  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);
+  b.plan = planFor(b);
   for (const Step& s : b.plan.steps)
     b.summary += fmt::format("{}{}{}", b.summary.empty() ? "" : " ", s.run ? "+" : "-", kEffectNames[std::size_t(s.effect)]);
   dropWhatDoesNotRun(b);
@@ -136,7 +153,7 @@ void charts(Bake& b) {
   warnOfLostCharts(b);
   b.seams = findSeams(b.scene);
   b.facts.smoothSeams = b.seams.smooth.size();
-  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);  // what seams there are is known now
+  b.plan = planFor(b);  // what seams there are is known now
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
   b.summary = fmt::format("{}{} x {}, {} charts, {} texels covered", b.uv.maps == 1 ? "" : fmt::format("{} maps of ", b.uv.maps), side,
                           side, b.charts.count, covered);
@@ -164,7 +181,7 @@ void pilot(Bake& b) {
   }
   b.facts.pilot = runPilot(b);
   for (std::size_t p = 0; p < b.pilotRays.size(); ++p) b.pilotRays[p] = b.tracer->rays(Purpose(p));
-  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);
+  b.plan = planFor(b);
   dropWhatDoesNotRun(b);
   const Forecast all = forecastOf(b.plan, *b.facts.pilot);
   b.summary = fmt::format("{:.2g} CPU s foretold ({:.2g} to {:.2g}), {:.3g} M rays", all.cpu_s, all.least_s, all.most_s, all.rays / 1e6);
@@ -402,7 +419,7 @@ void hemisphere(Bake& b) {
     b.summary = "no sky and no bounces";
     return;
   }
-  const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
+  const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.plan.runs(Effect::Near), b.run.seed);
   bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather,
                  {.goal = b.options.goal,
                   .interpolate = b.options.interpolate,
