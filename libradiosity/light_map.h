@@ -142,9 +142,10 @@ struct HemisphereForecast {
   };
   std::vector<NearLight> nearLight;  ///< one an object, then the level; no texels: not in the sample
 };
-/// bakeHemisphere on MapOptions::sampled of the map, whose other texels lose their charts.
+/// bakeHemisphere on MapOptions::sampled of the map, whose other texels lose their charts. `onCells` is called when cells are there, which
+/// are made for the whole map.
 HemisphereForecast foretellHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&,
-                                      const Run&);
+                                      const std::function<void()>& onCells, const Run&);
 
 inline constexpr double kRoundStep = 0.98;  ///< rays go with error^-1.43: a round casts 3 % of what was cast before
 inline constexpr int kMostRounds = 200;

@@ -510,8 +510,9 @@ void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, c
 }
 
 HemisphereForecast foretellHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer, const Gather& gather,
-                                      const MapOptions& options, const Run& run) {
+                                      const MapOptions& options, const std::function<void()>& onCells, const Run& run) {
   HemisphereBaker sample(map, scene, texels, tracer, gather, options, run);
+  onCells();
   sample.bake();
   return sample.forecast();
 }

@@ -25,7 +25,7 @@ constexpr double kNearRays = 0.7;  // rays for each near hit: one, but for those
 
 // What a stage takes beside its rays [s], from bakes of the reference scenes. Rays are timed by the pilot itself.
 constexpr double kDirectTexel_s = 0.7e-6;
-constexpr double kGatherTexel_s = 0.35e-6, kGatherTexels_s = 0.7e-6;  // of the map's texels: in the pilot, in the bake
+constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the map's texels: in the pilot, in the bake
 constexpr double kAoTexel_s = 3e-6, kAoHard = 1.25;                   // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
 constexpr double kLeastRay_s = 0.05e-6;
@@ -223,14 +223,17 @@ class PilotRun {
     // Near hits are read from the patches, which are about as large as the bake's.
     const Gather gather(b_.scene, *b_.tracer, direct, field, false, b_.run.seed);
     Clock clock;
-    const HemisphereForecast told = foretellHemisphere(b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, quiet_);
+    double cells_s = 0.0;
+    const HemisphereForecast told = foretellHemisphere(
+        b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, quiet_);
     b_.map.chart = whole;
     const auto size = double(b_.map.size());
-    const double ray_s = std::max(kLeastRay_s, (clock.lap() - kGatherTexel_s * size) / std::max(1.0, told.cast));
+    const double rays_s = clock.lap();
+    const double ray_s = std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast));
     // Few blocks know little of their own spread.
     const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0);
     const double all = told.rays + (b_.plan.runs(Effect::Near) ? kNearRays * told.near : 0.0);
-    out_.gather = forecast(all, kGatherTexels_s * size + ray_s * all, spread);
+    out_.gather = forecast(all, cells_s + kGatherTexels_s * size + ray_s * all, spread);
     const std::size_t objects = texels_.size();
     ByObject near(objects);
     for (std::size_t o = 0; o < objects; ++o) {
