@@ -15,6 +15,8 @@ enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, Exposure, Patc
 inline constexpr std::array<const char*, 12> kPurposeNames{"shadow", "emitter",    "sky",    "gather", "exposure",  "patch-sky",
                                                            "shoot",  "visibility", "camera", "cells",  "occlusion", "audit"};
 
+using RayCounts = std::array<std::uint64_t, kPurposeNames.size()>;  ///< one a purpose
+
 struct Ray {
   glm::vec3 origin_m, direction;  ///< any length; tFar counts in lengths of direction
   float tFar;
@@ -64,11 +66,15 @@ class Tracer {
   }
 
   std::uint64_t rays(Purpose) const;
-  std::uint64_t rays() const;                                        ///< of all purposes
+  std::uint64_t rays() const;  ///< of all purposes
+  RayCounts counts() const;
+  static RayCounts castByThisThread();                               ///< so far, by any tracer
+  void countAsCast(const RayCounts&) const;                          ///< rays whose results came from a journal
   std::uint32_t degenerateTriangles() const { return degenerate_; }  ///< left out: their area is below 1e-12 of the longest edge squared
   std::uint64_t bytes() const;                                       ///< held by Embree
 
  private:
+  void count(Purpose, std::uint64_t rays) const;
   void preferFronts(std::span<const Ray>, std::span<Hit>) const;
   struct Device;
   std::unique_ptr<Device> device_;
