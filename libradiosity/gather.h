@@ -39,6 +39,8 @@ class Gather {
   /// they find.
   Gathered rays(const TexelTile&, int x, int y, int half, std::uint32_t begin, std::uint32_t end, Guide& guide) const;
 
+  const DirectLight& direct() const { return direct_; }
+
  private:
   struct NearHit {
     Hit hit;

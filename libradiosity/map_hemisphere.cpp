@@ -6,6 +6,7 @@
 #include "libradiosity/light_map.h"
 #include "libradiosity/map_cells.h"
 #include "libscene/constants.h"
+#include "libscene/journal.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
 
@@ -61,6 +62,7 @@ class HemisphereBaker {
       : map_(map),
         scene_(scene),
         texels_(texels),
+        tracer_(tracer),
         gather_(gather),
         options_(options),
         goal_(options.goal),
@@ -210,6 +212,11 @@ class HemisphereBaker {
     for (std::size_t i = 0; i < wanted_.size() && !any; ++i) any = wanted_[i] > map_.rays[i];
     if (!any) return false;
     parallelFor(run_.part(from, to), texels_.tileCount(), 1, [&](std::size_t t) {
+      const std::vector<std::size_t> asked = run_.journal ? wantedOf(t) : std::vector<std::size_t>();
+      if (run_.journal && asked.empty()) return;
+      DirectLight::Tally cast(gather_.direct());
+      Journaled kept(run_, tracer_, {Loop::Hemisphere, round_, std::uint32_t(t)}, [&](auto& a) { keep(asked, cast.rays, a); });
+      if (kept.taken()) return gather_.direct().countAsCast(cast.rays);
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
@@ -232,9 +239,41 @@ class HemisphereBaker {
         }
         map_.rays[i] = end;
       }
+      kept.put();
     });
+    ++round_;
     parallelFor(Run{run_.threads, run_.seed, {}, {}}, guides_.size(), 16, [&](std::size_t g) { guides_[g].build(); });
     return true;
+  }
+
+  /// The texels of a tile that want rays.
+  std::vector<std::size_t> wantedOf(std::size_t t) const {
+    std::vector<std::size_t> out;
+    const std::size_t x0 = t % std::size_t(texels_.tilesX()) * kTile, y0 = t / std::size_t(texels_.tilesX()) * kTile;
+    for (std::size_t y = y0; y < std::min(y0 + kTile, std::size_t(map_.height)); ++y)
+      for (std::size_t x = x0; x < std::min(x0 + kTile, std::size_t(map_.width)); ++x)
+        if (const std::size_t i = y * std::size_t(map_.width) + x; wanted_[i] > map_.rays[i]) out.push_back(i);
+    return out;
+  }
+
+  /// All that rays of these texels, a tile's, change: sums, what guides are told, and rays to each lamp.
+  template <class Archive>
+  void keep(std::span<const std::size_t> asked, std::vector<std::uint64_t>& rays, Archive& archive) {
+    for (std::uint64_t& n : rays) archive(n);
+    std::vector<std::uint32_t> guides;
+    for (const std::size_t i : asked) {
+      for (std::size_t h = 0; h < 2; ++h) {
+        archive(map_.bounced[h][i]);
+        archive(map_.sky[h][i]);
+      }
+      archive(map_.coarse[i]);
+      archive(map_.near[i]);
+      archive(map_.rays[i]);
+      guides.push_back(guideOf_[i]);
+    }
+    std::ranges::sort(guides);
+    guides.erase(std::ranges::unique(guides).begin(), guides.end());
+    for (const std::uint32_t g : guides) guides_[g].keep(archive);
   }
 
   void makePools() {
@@ -483,6 +522,7 @@ class HemisphereBaker {
   LightMap& map_;
   const Scene& scene_;
   const TexelMap& texels_;
+  const Tracer& tracer_;
   const Gather& gather_;
   const MapOptions& options_;
   double goal_;
@@ -500,6 +540,7 @@ class HemisphereBaker {
   std::vector<Near> near_;  // one a texel of a sample, else none
   std::vector<double> objectMean_, objectTexels_;
   double mean_ = 0.0;
+  std::uint32_t round_ = 0;  // of casts
 };
 
 }  // namespace

@@ -94,6 +94,7 @@ struct Camera {
 struct Scene {
   std::filesystem::path file;                 ///< as the user named it
   std::vector<std::filesystem::path> inputs;  ///< every file read: the level, its buffers, its images
+  std::uint64_t content = 0;                  ///< hash of their bytes as they were read
   glm::dvec3 centre_m{0.0};                   ///< added to a position gives the level's own coordinates
   float extent_m = 0.0f;                      ///< largest absolute recentred coordinate
 

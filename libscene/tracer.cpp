@@ -278,9 +278,26 @@ void Tracer::preferFronts(std::span<const Ray> rays, std::span<Hit> hits) const 
   }
 }
 
+namespace {
+thread_local RayCounts castHere{};
+}
+
 void Tracer::count(Purpose purpose, std::uint64_t rays) const {
   counts_[std::size_t(purpose)].fetch_add(rays, std::memory_order_relaxed);
+  castHere[std::size_t(purpose)] += rays;
   if (holeTestsOfThread > 0) holeTests_.fetch_add(std::exchange(holeTestsOfThread, 0), std::memory_order_relaxed);
+}
+
+RayCounts Tracer::castByThisThread() { return castHere; }
+
+void Tracer::countAsCast(const RayCounts& rays) const {
+  for (std::size_t p = 0; p < rays.size(); ++p) counts_[p].fetch_add(rays[p], std::memory_order_relaxed);
+}
+
+RayCounts Tracer::counts() const {
+  RayCounts out{};
+  for (std::size_t p = 0; p < out.size(); ++p) out[p] = counts_[p].load();
+  return out;
 }
 
 std::uint64_t Tracer::rays(Purpose purpose) const { return counts_[std::size_t(purpose)].load(); }

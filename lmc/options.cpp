@@ -535,6 +535,9 @@ Command parseCommandLine(int argc, const char* const* argv) {
           "rounds that "
           "give the same bytes; exit code 5 where it cannot be done in that time")
       ->type_name("TIME");
+  bakeApp->add_flag("--no-resume{false}", bake.resume,
+                    "start from zero and keep no journal [default: finished tiles are kept in OUT/.lmc-resume until the bake is done, and "
+                    "the same command goes on with those of a run that was stopped or killed; not with --time]");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp

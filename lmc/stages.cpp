@@ -10,6 +10,7 @@
 #include "libradiosity/slopes.h"
 #include "libscene/exr.h"
 #include "libscene/files.h"
+#include "libscene/journal.h"
 #include "libscene/parallel.h"
 #include "libscene/texture.h"
 #include "lmc/ao.h"
@@ -277,6 +278,18 @@ Solver solverFor(const Bake& b) {
   return dense ? Solver::Dense : Solver::Stored;
 }
 
+/// A solution that takes as long as its patches are many.
+template <class Archive>
+void keep(Solution& s, std::size_t patches, Archive& archive) {
+  s.illuminance.resize(patches);
+  for (Rgb& e : s.illuminance) archive(e);
+  archive(s.energy);
+  archive(s.stop);
+  archive(s.passes);
+  archive(s.tail);
+  archive(s.tailEstimate);
+}
+
 void solveDensely(Bake& b) {
   const FormFactors f = computeFormFactors(b.scene, *b.tracer, b.patches, b.run);
   b.closureError = f.closureError;
@@ -293,7 +306,19 @@ void solveByStoredRays(Bake& b) {
   for (std::uint32_t half = 0; half < 2; ++half) {
     const Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
     options.stream = half;
-    StoredSolution s = solveStored(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    StoredSolution s;
+    Journaled kept(
+        part, *b.tracer, {Loop::Solve, half, 0},
+        [&](auto& archive) {
+          keep(s.solution, b.patches.patches.size(), archive);
+          archive(s.bytes);
+          archive(s.closureError);
+        },
+        WorkOf::All);
+    if (!kept.taken()) {
+      s = solveStored(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+      kept.put();
+    }
     b.closureError = s.closureError;
     b.storedBytes += s.bytes;
     b.solutions[half] = std::move(s.solution);
@@ -347,8 +372,14 @@ void solveByShooting(Bake& b) {
                  {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale * float(b.lightUnit)}});
         set.commit();
       };
-    const Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
-    b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
+    if (b.options.snapshot) part.journal = nullptr;  // its pictures are wanted
+    Solution& s = b.solutions[half];
+    Journaled kept(
+        part, *b.tracer, {Loop::Solve, half, 0}, [&](auto& archive) { keep(s, b.patches.patches.size(), archive); }, WorkOf::All);
+    if (kept.taken()) continue;
+    s = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    kept.put();
   }
   b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
 }
