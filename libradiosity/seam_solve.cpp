@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "libscene/float_traps.h"
+
 namespace lmc {
 
 namespace {
@@ -73,6 +75,7 @@ std::vector<double> solveSeams(const SeamSystem& system) {
   options.logging_type = ceres::SILENT;
   for (int round = 0; round < kRounds; ++round) {
     ceres::Solver::Summary summary;
+    const NoFloatTraps ceres;
     ceres::Solve(options, &problem, &summary);
     bool beyond = false;
     for (std::size_t i = 0; i < x.size(); ++i) {

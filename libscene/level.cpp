@@ -200,6 +200,11 @@ glm::dmat4 Loader::localMatrix(std::uint32_t node) {
 Inherited Loader::enter(std::uint32_t node, const Inherited& parent) {
   Inherited state = parent;
   state.world = parent.world * localMatrix(node);
+  // Before anything is multiplied by infinity.
+  for (int c = 0; c < 4; ++c)
+    for (int r = 0; r < 4; ++r)
+      if (!std::isfinite(state.world[c][r]))
+        throw Error(Exit::Broken, file_.path, nodeWhere(node), "its place in the world is beyond all numbers", "LMC_EXTENT_TOO_LARGE");
   state.moving = parent.moving || animated_[node];
   const Json& json = file_.json["nodes"][node];
   if (const Json* visibility = extension(json, "KHR_node_visibility")) state.visible = state.visible && visibility->value("visible", true);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "libscene/error.h"
+#include "libscene/float_traps.h"
 #include "libscene/texture.h"
 
 namespace lmc {
@@ -123,6 +124,7 @@ struct Tracer::Device {
 };
 
 Tracer::Tracer(const Scene& scene) : device_(std::make_unique<Device>()) {
+  const NoFloatTraps embree;
   Device& d = *device_;
   d.device = rtcNewDevice(nullptr);
   if (!d.device) {
@@ -171,6 +173,7 @@ void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked
   for (std::size_t at = 0; at < rays.size(); at += kBatch) {
     const std::size_t n = std::min(kBatch, rays.size() - at);
     for (std::size_t i = 0; i < n; ++i) buffer[i] = toEmbree(rays[at + i]);
+    const NoFloatTraps embree;
     if (n == 1)
       rtcOccluded1(device_->scene, &context, buffer);
     else
@@ -199,7 +202,10 @@ void Tracer::occluded(std::span<const RayFan> fans, std::span<std::uint16_t> blo
         n += fans[f].wanted >> i & 1u;                                          // what is not wanted is written over
       }
     }
-    rtcOccluded1M(device_->scene, &context, buffer, n, sizeof(RTCRay));
+    {
+      const NoFloatTraps embree;
+      rtcOccluded1M(device_->scene, &context, buffer, n, sizeof(RTCRay));
+    }
     cast += n;
     n = 0;
     for (std::size_t f = at; f < end; ++f) {
@@ -234,7 +240,10 @@ void Tracer::closest(std::span<const Ray> rays, std::span<Hit> hits, Purpose pur
       buffer[i].hit.geomID = RTC_INVALID_GEOMETRY_ID;
       buffer[i].hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     }
-    rtcIntersect1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRayHit));
+    {
+      const NoFloatTraps embree;
+      rtcIntersect1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRayHit));
+    }
     for (std::size_t i = 0; i < n; ++i) hits[at + i] = device_->toHit(buffer[i]);
     // Whether a place is buried is asked of what is met first: within a box that reaches to the ceiling, the ceiling is no sight of a room.
     if (purpose != Purpose::Exposure) preferFronts(rays.subspan(at, n), hits.subspan(at, n));
@@ -265,7 +274,10 @@ void Tracer::preferFronts(std::span<const Ray> rays, std::span<Hit> hits) const 
       second.hit.geomID = RTC_INVALID_GEOMETRY_ID;
       second.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
       const float far = second.ray.tfar;
-      rtcIntersect1(device_->scene, &context, &second);
+      {
+        const NoFloatTraps embree;
+        rtcIntersect1(device_->scene, &context, &second);
+      }
       const Hit other = device_->toHit(second);
       if (!other) break;
       if (other.front) {

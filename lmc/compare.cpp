@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "libscene/exr.h"
+#include "libscene/float_traps.h"
 #include "libscene/image_file.h"
 
 namespace lmc {
@@ -97,6 +98,7 @@ Exit compare(const CompareOptions& options) {
     fmt::print("{}\n", out.dump(2));
   } else {
     if (!mismatch.empty()) fmt::print("{}\n", mismatch);
+    const NoFloatTraps fmtOfNaN;
     fmt::print("{:<12} {:>12} {:>12} {:>12} {:>12}  at\n", "channel", "max", "mean", "rms", "mean of A");
     for (const Json& c : channels)
       fmt::print("{:<12} {:>12.6g} {:>12.6g} {:>12.6g} {:>12.6g}  {},{}\n", c["channel"].get<std::string>(), c["max"].get<double>(),

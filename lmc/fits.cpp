@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "libradiosity/lights.h"
+#include "libscene/float_traps.h"
 
 namespace lmc {
 
@@ -134,6 +135,7 @@ AttenuationFit fitAttenuation(std::span<const FallOffPlace> wished, double range
     problem.SetParameterLowerBound(&power, 0, kLeastPower);
     problem.SetParameterUpperBound(&power, 0, kMostPower);
     ceres::Solver::Summary summary;
+    const NoFloatTraps ceres;
     ceres::Solve(quietOptions(), &problem, &summary);
     if (!summary.IsSolutionUsable() || !(summary.final_cost < best)) continue;
     best = summary.final_cost;
@@ -166,6 +168,7 @@ std::optional<PowerLaw> fitPowerLaw(std::span<const CurvePoint> points) {
   ceres::Solver::Summary summary;
   ceres::Solver::Options options = quietOptions();
   options.initial_trust_region_radius = 1e16;  // no damping: the problem is linear
+  const NoFloatTraps ceres;
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) return std::nullopt;
   const double n = double(x.size());

@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "libscene/files.h"
+#include "libscene/float_traps.h"
 #include "libscene/journal.h"
 #include "lmc/ao.h"
 #include "lmc/bake.h"
@@ -71,6 +72,7 @@ void onTerminate() {
 
 void prepareProcess() {
   std::set_terminate(onTerminate);
+  lmc::trapFloats();
   // Files that are opened must never land on descriptors 0 to 2, or the log would be written into them.
   for (int fd = 0; fd <= 2; ++fd)
     if (fcntl(fd, F_GETFD) < 0) static_cast<void>(open("/dev/null", O_RDWR));

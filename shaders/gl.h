@@ -4,6 +4,8 @@
 
 #include <memory>
 
+#include "libscene/float_traps.h"
+
 namespace lmc::shaders {
 
 #define LMC_GL_FUNCTIONS(X)                                                                                                               \
@@ -51,6 +53,7 @@ class GlContext : public GlFunctions {
   void check(const char* doing) const;
 
  private:
+  NoFloatTraps whileItLives_;  // first, so that it outlasts the library: GL starts threads of its own
   struct Library;
   std::unique_ptr<Library> library_;
 };
