@@ -1,6 +1,7 @@
 #include "lmc/bake.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <atomic>
@@ -35,6 +36,7 @@ struct Work {
     raysBefore = b.tracer ? b.tracer->rays() : 0;
     b.summary.clear();
     stage.work(b);
+    if (b.paging) ::malloc_trim(0);  // what the stage took for itself is the next one's to take
     b.run.progress(1.0);
     spoken.stages.push_back({stage.name, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
                              cpuSeconds() - cpu, (b.tracer ? b.tracer->rays() : 0) - raysBefore, b.summary});
@@ -150,6 +152,7 @@ class InTime {
   /// Openness does not depend on the goal: the draft's serves both, and its seconds are known before rounds begin.
   void run(Work& work, Work* before) {
     const auto occludes = [](const StageRow& s) { return s.work == occlude; };
+    if (before) work.b.paging = before->b.paging;
     for (const StageRow& stage : kStages) {
       if (stage.work == hemisphere) {
         if (before) {
@@ -306,6 +309,7 @@ Exit bake(const BakeOptions& options) {
 Exit showPlan(const PlanOptions& options) {
   Progress progress(ProgressKind::None);
   Work work(options.bake, progress);
+  work.b.scratch = std::filesystem::temp_directory_path();  // a plan writes nowhere
   const Bake& b = work.b;
   const std::vector<StageTime>& stages = work.spoken.stages;
   withThreads(b.run, [&] {

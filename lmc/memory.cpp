@@ -25,6 +25,9 @@ constexpr double kSquaresAtTwoPercent = 3000.0;
 constexpr std::uint64_t kPatchOfLinks = 3000;  // 25 links a patch, those of the round before beside them
 constexpr std::uint64_t kDensePair = 12;
 constexpr std::uint64_t kMostTiles = 128 << 20;  // that are kept
+constexpr std::uint64_t kWindow = 64 << 20;      // of texels' state, when it lies in files
+// Without --memory: so much, or if the level takes more, so much beside it.
+constexpr std::uint64_t kUnasked = 960 << 20, kUnaskedWindow = 256 << 20;
 
 template <class T>
 std::uint64_t bytes(const std::vector<T>& v) {
@@ -55,11 +58,14 @@ MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int ma
   MemoryPlan out;
   out.limit_bytes = o.memory_bytes > 0 ? o.memory_bytes : machine_bytes;
   out.wanted_bytes = base + kTexel * texels;
-  out.least_bytes = base + kTexelCompact * texels;
+  out.least_bytes = base + std::min(kTexelCompact * texels, kWindow);
+  out.held_bytes = o.memory_bytes > 0 ? o.memory_bytes : std::min(machine_bytes, std::max(kUnasked, base + kUnaskedWindow));
   // Half of what is to spare: the more so as the rest of the machine wants something, too.
-  out.tiles_bytes = out.limit_bytes > out.wanted_bytes ? std::min(kMostTiles, (out.limit_bytes - out.wanted_bytes) / 2) : 0;
-  const std::uint64_t beside = base + kTexelSolve * texels + out.tiles_bytes;
-  out.rays_bytes = out.limit_bytes > beside ? out.limit_bytes - beside : 0;
+  const std::uint64_t taken = out.paged() ? out.least_bytes : out.wanted_bytes;
+  out.tiles_bytes = out.held_bytes > taken ? std::min(kMostTiles, (out.held_bytes - taken) / 2) : 0;
+  const std::uint64_t room = out.paged() ? out.held_bytes : out.limit_bytes,
+                      beside = base + (out.paged() ? std::min(kTexelSolve * texels, kWindow) : kTexelSolve * texels) + out.tiles_bytes;
+  out.rays_bytes = room > beside ? room - beside : 0;
   return out;
 }
 

@@ -11,6 +11,7 @@
 #include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
 #include "libradiosity/solve_stored.h"
+#include "libscene/paging.h"
 #include "libscene/unwrap.h"
 #include "lmc/memory.h"
 #include "lmc/plan.h"
@@ -20,9 +21,12 @@ namespace lmc {
 
 /// Products of the stages of one bake, in order; each stage reads what stands above and fills what is its own.
 struct Bake {
-  Bake(const BakeOptions& o, Run r) : options(o), run(std::move(r)) {}
+  Bake(const BakeOptions& o, Run r) : options(o), run(std::move(r)), scratch(o.out) {}
   const BakeOptions& options;
   Run run;
+
+  std::filesystem::path scratch;   ///< folder for what memory is not to hold
+  std::shared_ptr<Paging> paging;  ///< charts; null where memory holds all; shared by a draft and what follows it
 
   Scene scene;  // load
   Facts facts;  // plan, pilot
@@ -55,7 +59,7 @@ struct Bake {
   nlohmann::ordered_json explained;  ///< null unless asked for
   LightMapValues values;             // finish
   ErrorLedger ledger;
-  std::vector<float> stated;              ///< error of each texel [lx]
+  TexelArray<float> stated;               ///< error of each texel [lx]
   AuditResult audit;                      // audit
   std::vector<float> scales;              ///< one a map: E = stored value * scale
   ao::Openness openness;                  ///< empty when the plan leaves it out
