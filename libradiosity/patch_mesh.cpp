@@ -58,6 +58,9 @@ struct PositionHash {
 template <class Wanted, class Place>
 Mesh weld(const Scene& scene, Wanted&& wanted, Place&& place, std::uint64_t& unjoined) {
   Mesh mesh;
+  // Else it grows by doubling, and holds three times what it needs while it does.
+  const std::size_t n = scene.triangles.size();
+  mesh.reserve(scene.positions_m.size(), n + n / 2 + scene.positions_m.size() / 2, n);
   std::unordered_map<glm::vec3, OpenMesh::VertexHandle, PositionHash> at;
   const auto point = [](const glm::vec3& p) { return OpenMesh::Vec3d(p.x, p.y, p.z); };
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {

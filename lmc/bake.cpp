@@ -24,6 +24,8 @@ std::atomic<int> stopSignal{0};
 
 std::string figure(double share) { return fmt::format("{:.2f} %", 100.0 * share); }
 
+constexpr std::size_t kManyTriangles = 100'000;  // from there on what a stage takes for itself goes back to the system after it
+
 /// One bake under way.
 struct Work {
   Work(const BakeOptions& options, Progress& p) : progress(p), b(options, runOf(options)) {}
@@ -36,7 +38,7 @@ struct Work {
     raysBefore = b.tracer ? b.tracer->rays() : 0;
     b.summary.clear();
     stage.work(b);
-    if (b.paging) ::malloc_trim(0);  // what the stage took for itself is the next one's to take
+    if (b.paging || b.scene.triangles.size() > kManyTriangles) ::malloc_trim(0);
     b.run.progress(1.0);
     spoken.stages.push_back({stage.name, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
                              cpuSeconds() - cpu, (b.tracer ? b.tracer->rays() : 0) - raysBefore, b.summary});

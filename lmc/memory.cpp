@@ -25,7 +25,8 @@ constexpr double kSquaresAtTwoPercent = 3000.0;
 constexpr std::uint64_t kPatchOfLinks = 3000;  // 25 links a patch, those of the round before beside them
 constexpr std::uint64_t kDensePair = 12;
 constexpr std::uint64_t kMostTiles = 128 << 20;  // that are kept
-constexpr std::uint64_t kWindow = 64 << 20;      // of texels' state, when it lies in files
+// Of texels' state, when it lies in files: what is in work, and what stays in memory of each texel (cells, pools).
+constexpr std::uint64_t kWindow = 96 << 20, kTexelStays = 16;
 // Without --memory: so much, or if the level takes more, so much beside it.
 constexpr std::uint64_t kUnasked = 960 << 20, kUnaskedWindow = 256 << 20;
 
@@ -58,13 +59,14 @@ MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int ma
   MemoryPlan out;
   out.limit_bytes = o.memory_bytes > 0 ? o.memory_bytes : machine_bytes;
   out.wanted_bytes = base + kTexel * texels;
-  out.least_bytes = base + std::min(kTexelCompact * texels, kWindow);
+  const std::uint64_t window = kWindow + (bounce ? kTexelStays * texels : 0);
+  out.least_bytes = base + std::min(kTexelCompact * texels, window);
   out.held_bytes = o.memory_bytes > 0 ? o.memory_bytes : std::min(machine_bytes, std::max(kUnasked, base + kUnaskedWindow));
   // Half of what is to spare: the more so as the rest of the machine wants something, too.
   const std::uint64_t taken = out.paged() ? out.least_bytes : out.wanted_bytes;
   out.tiles_bytes = out.held_bytes > taken ? std::min(kMostTiles, (out.held_bytes - taken) / 2) : 0;
   const std::uint64_t room = out.paged() ? out.held_bytes : out.limit_bytes,
-                      beside = base + (out.paged() ? std::min(kTexelSolve * texels, kWindow) : kTexelSolve * texels) + out.tiles_bytes;
+                      beside = base + std::min(kTexelSolve * texels, out.paged() ? window : kTexelSolve * texels) + out.tiles_bytes;
   out.rays_bytes = room > beside ? room - beside : 0;
   return out;
 }

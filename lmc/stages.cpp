@@ -30,7 +30,7 @@ constexpr std::size_t kDenseNearlyWhite = 1500;
 constexpr double kTailShare = 0.05;  // of the goal, for bounces left out
 constexpr int kLargestMap = 16384;
 // Of the memory that may be held: from there on what can go goes. What comes in meanwhile, and what stacks take, has the rest.
-constexpr double kHeldShare = 0.95;
+constexpr double kHeldShare = 0.93;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
 
 }  // namespace
