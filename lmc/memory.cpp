@@ -15,11 +15,12 @@ namespace {
 
 // Bytes, measured as peaks of bakes of cornell, gallery and atrium at 256 to 2048 texels a side (docs/stages.md), rounded up.
 constexpr std::uint64_t kProgram = 20 << 20, kThread = 1 << 20;
-constexpr std::uint64_t kTexel = 212;         // state of the map, what hemisphere rays see, cells and guides
-constexpr std::uint64_t kTexelCompact = 176;  // the same with the field's texels put together at each hit
-constexpr std::uint64_t kTexelSolve = 64;     // when stored rays are there
-constexpr std::uint64_t kTriangle = 320;      // ray tracer, charts, places of texels
-constexpr std::uint64_t kPatch = 1500;        // faces, clusters, solutions
+constexpr std::uint64_t kTexel = 212;           // state of the map, what hemisphere rays see, cells and guides
+constexpr std::uint64_t kTexelCompact = 176;    // the same with the field's texels put together at each hit
+constexpr std::uint64_t kTexelSolve = 64;       // when stored rays are there
+constexpr std::uint64_t kTriangle = 140;        // ray tracer, charts, places of texels
+constexpr std::uint64_t kTriangleJoined = 180;  // where it has neighbours: patches, seams
+constexpr std::uint64_t kPatch = 1500;          // faces, clusters, solutions
 constexpr double kPatchesPerSquare = 3.0;
 constexpr double kSquaresAtTwoPercent = 3000.0;
 constexpr std::uint64_t kPatchOfLinks = 3000;  // 25 links a patch, those of the round before beside them
@@ -39,10 +40,10 @@ std::uint64_t bytes(const std::vector<T>& v) {
 
 double squaresFor(double goal) { return kSquaresAtTwoPercent * 0.02 / goal; }
 
-MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int maps, bool bounce, std::uint64_t machine_bytes) {
+MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int maps, bool bounce, bool seams, std::uint64_t machine_bytes) {
   std::uint64_t level = bytes(scene.positions_m) + bytes(scene.normals) + bytes(scene.uv0) + bytes(scene.uv1) + bytes(scene.mapUv) +
                         bytes(scene.sourceVertex) + bytes(scene.colors) + bytes(scene.triangles) + bytes(scene.triangleObject) +
-                        kTriangle * scene.triangles.size();
+                        (kTriangle + (bounce || seams ? kTriangleJoined : 0)) * scene.triangles.size();
   for (const auto& image : scene.images) level += 4 * std::uint64_t(image.width) * std::uint64_t(image.height);
   const std::uint64_t texels = std::uint64_t(side) * std::uint64_t(side) * std::uint64_t(maps);
   std::uint64_t patches = 0;

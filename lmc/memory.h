@@ -19,8 +19,8 @@ struct MemoryPlan {
 /// error is of second order in their size. Direct light at hits comes from the map's texels, so that they carry second bounces only.
 double squaresFor(double goal);
 
-/// `side`: of the map [texels]; `bounce`: whether patches are made.
-MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, int maps, bool bounce, std::uint64_t machine_bytes);
+/// `side`: of the map [texels]; `bounce`: whether patches are made; `seams`: whether they are looked for.
+MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, int maps, bool bounce, bool seams, std::uint64_t machine_bytes);
 
 /// "512M": K, M, G, T are powers of 1024, without one it is bytes. nullopt when it is no size of at least 1 byte.
 std::optional<std::uint64_t> bytesOf(std::string_view text);

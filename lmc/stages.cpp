@@ -123,7 +123,7 @@ void charts(Bake& b) {
     throw Error(Exit::Limit, b.scene.file, "/scenes/0/extras/lmc/lightmap/resolution",
                 fmt::format("a map of {} x {} is above the limit of {}", side, side, kLargestMap), "LMC_MAP_SIZE");
   reportUvs(b);
-  b.memory = planMemory(b.scene, b.options, side, b.uv.maps, b.plan.runs(Effect::Bounce), memoryBytes());
+  b.memory = planMemory(b.scene, b.options, side, b.uv.maps, b.plan.runs(Effect::Bounce), b.plan.runs(Effect::Seams), memoryBytes());
   if (b.memory.least_bytes > b.memory.limit_bytes)
     throw Error(
         Exit::Limit, b.scene.file, "",
