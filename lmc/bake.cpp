@@ -311,7 +311,6 @@ Exit bake(const BakeOptions& options) {
 Exit showPlan(const PlanOptions& options) {
   Progress progress(ProgressKind::None);
   Work work(options.bake, progress);
-  work.b.scratch = std::filesystem::temp_directory_path();  // a plan writes nowhere
   const Bake& b = work.b;
   const std::vector<StageTime>& stages = work.spoken.stages;
   withThreads(b.run, [&] {

@@ -212,7 +212,7 @@ class PilotRun {
   }
 
   void hemisphere(const DirectLight& direct, const Field* field, const TexelArray<Rgb>& mean, MapOptions options) {
-    TexelArray<std::uint32_t> whole = b_.map.chart;
+    const TexelArray<std::uint32_t> whole = b_.map.chart;
     // The noise of two places is none of the bake's.
     b_.map.direct[0] = b_.map.direct[1] = mean;
     options.interpolate = b_.options.interpolate;
@@ -222,7 +222,7 @@ class PilotRun {
     const Gather gather(b_.scene, *b_.tracer, direct, field, false, b_.run.seed);
     Clock clock;
     const HemisphereForecast told = foretellHemisphere(b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, quiet_);
-    b_.map.chart = std::move(whole);
+    std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
     const auto size = double(b_.map.size());
     const double ray_s = std::max(kLeastRay_s, (clock.lap() - kGatherTexel_s * size) / std::max(1.0, told.cast));
     // Few blocks know little of their own spread.

@@ -116,6 +116,18 @@ void reportUvs(const Bake& b) {
   say(ObjectUv::Fate::Made, "are made");
 }
 
+namespace {
+
+/// For what memory is not to hold: where the outputs go, or where none do, where the system has its temporary files.
+std::filesystem::path scratchFolder(const BakeOptions& o) {
+  std::error_code error;
+  if (std::filesystem::is_directory(o.out, error)) return o.out;
+  const std::filesystem::path temporary = std::filesystem::temp_directory_path(error);
+  return error ? std::filesystem::path(".") : temporary;
+}
+
+}  // namespace
+
 void charts(Bake& b) {
   b.uv = layOut(b.scene, b.options.uv, b.run);
   const int side = b.uv.side;
@@ -132,7 +144,7 @@ void charts(Bake& b) {
                     b.options.memory_bytes > 0 ? "the limit is" : "this machine has", sizeText(b.memory.limit_bytes)),
         "LMC_MEMORY");
   if (b.memory.paged() && !b.paging)
-    b.paging = std::make_shared<Paging>(b.scratch, std::uint64_t(kHeldShare * double(b.memory.held_bytes)));
+    b.paging = std::make_shared<Paging>(scratchFolder(b.options), std::uint64_t(kHeldShare * double(b.memory.held_bytes)));
   b.charts = findCharts(b.scene, side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, side, b.uv.maps);
   b.texels->keepAtMost(b.memory.tiles_bytes);

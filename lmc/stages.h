@@ -21,11 +21,10 @@ namespace lmc {
 
 /// Products of the stages of one bake, in order; each stage reads what stands above and fills what is its own.
 struct Bake {
-  Bake(const BakeOptions& o, Run r) : options(o), run(std::move(r)), scratch(o.out) {}
+  Bake(const BakeOptions& o, Run r) : options(o), run(std::move(r)) {}
   const BakeOptions& options;
   Run run;
 
-  std::filesystem::path scratch;   ///< folder for what memory is not to hold
   std::shared_ptr<Paging> paging;  ///< charts; null where memory holds all; shared by a draft and what follows it
 
   Scene scene;  // load
