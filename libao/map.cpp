@@ -4,6 +4,7 @@
 #include <unordered_map>
 
 #include "libao/rounds.h"
+#include "libscene/journal.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
 
@@ -60,6 +61,7 @@ class MapBaker {
         chart_(chart),
         options_(options),
         run_(run),
+        tracer_(tracer),
         hemisphere_(tracer, options),
         poolOf_(chart.size(), kNone) {
     pools_ = makePools(chart, texels.width(), poolOf_);
@@ -70,8 +72,10 @@ class MapBaker {
   Openness bake() {
     Openness out = castInRounds(options_, sums_, poolOf_, pools_, cast());
     out.buried.assign(sums_.size(), 0);
+    Run last = run_.part(1.0, 1.0);
+    last.journal = nullptr;  // few texels, soon done again
     out.rays += forTexels(
-        run_.part(1.0, 1.0), [&](std::size_t i) { return isDarkBesideOpen(sums_, chart_, texels_.width(), i); },
+        last, [&](std::size_t i) { return isDarkBesideOpen(sums_, chart_, texels_.width(), i); },
         [&](std::size_t i, const Places& places, std::uint64_t address) {
           std::uint32_t rays = 0;
           out.buried[i] = hemisphere_.buried(*places.middle, address, rays);
@@ -94,6 +98,10 @@ class MapBaker {
   std::uint64_t forTexels(const Run& part, const Wanted& wanted, const F& f) {
     std::vector<std::uint64_t> rays(texels_.tileCount(), 0);
     parallelFor(part, texels_.tileCount(), 1, [&](std::size_t t) {
+      const std::vector<std::size_t> asked = part.journal ? texelsOf(t, wanted) : std::vector<std::size_t>();
+      if (part.journal && asked.empty()) return;
+      Journaled kept(part, tracer_, {Loop::Openness, round_, std::uint32_t(t)}, [&](auto& archive) { keep(asked, rays[t], archive); });
+      if (kept.taken()) return;
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
@@ -106,8 +114,33 @@ class MapBaker {
         const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.at(glm::vec2(0.5f))};
         rays[t] += f(i, places, addressOf(run_.seed, std::uint32_t(x0 + x), std::uint32_t(y0 + y)));
       }
+      kept.put();
     });
+    ++round_;
     return std::accumulate(rays.begin(), rays.end(), std::uint64_t(0));
+  }
+
+  /// Those of a tile that are wanted.
+  template <class Wanted>
+  std::vector<std::size_t> texelsOf(std::size_t t, const Wanted& wanted) const {
+    std::vector<std::size_t> out;
+    const std::size_t x0 = t % std::size_t(texels_.tilesX()) * kTile, y0 = t / std::size_t(texels_.tilesX()) * kTile;
+    for (std::size_t y = y0; y < std::min(y0 + kTile, std::size_t(texels_.height())); ++y)
+      for (std::size_t x = x0; x < std::min(x0 + kTile, std::size_t(texels_.width())); ++x)
+        if (const std::size_t i = y * std::size_t(texels_.width()) + x; wanted(i)) out.push_back(i);
+    return out;
+  }
+
+  /// All that rays of these texels change.
+  template <class Archive>
+  void keep(std::span<const std::size_t> asked, std::uint64_t& rays, Archive& archive) {
+    archive(rays);
+    for (const std::size_t i : asked) {
+      archive(sums_[i].halves);
+      archive(sums_[i].rays);
+      archive(sums_[i].middle);
+      if (!bent_.empty()) archive(bent_[i]);
+    }
   }
 
   CastAll cast() {
@@ -127,11 +160,13 @@ class MapBaker {
   std::span<const std::uint32_t> chart_;
   const Options& options_;
   const Run& run_;
+  const Tracer& tracer_;
   const Hemisphere hemisphere_;
   TexelArray<std::uint32_t> poolOf_;
   std::uint32_t pools_ = 0;
   TexelArray<Sums> sums_;
   TexelArray<glm::vec3> bent_;
+  std::uint32_t round_ = 0;  // of casts
 };
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "libscene/journal.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
 
@@ -82,7 +83,7 @@ std::vector<Drawn> draw(const LightMap& map, std::span<const float> stated, std:
 
 /// Paths [begin, end) of both streams of every drawn texel; tile by tile, for a tile is made as a whole.
 void trace(std::vector<Drawn>& drawn, std::uint32_t begin, std::uint32_t end, const LightMap& map, const Scene& scene,
-           const TexelMap& texels, const PathTracer& tracing, const Run& run) {
+           const TexelMap& texels, const PathTracer& tracing, const Tracer& tracer, const Run& run) {
   std::vector<std::pair<std::size_t, std::size_t>> byTile;  // tile, drawn
   for (std::size_t d = 0; d < drawn.size(); ++d) {
     const std::size_t x = drawn[d].texel % std::size_t(map.width), y = drawn[d].texel / std::size_t(map.width);
@@ -94,6 +95,15 @@ void trace(std::vector<Drawn>& drawn, std::uint32_t begin, std::uint32_t end, co
     if (k == 0 || byTile[k].first != byTile[k - 1].first) first.push_back(k);
   first.push_back(byTile.size());
   parallelFor(run, first.size() - 1, 1, [&](std::size_t t) {
+    // How many texels and paths there are follows from the rays of the bake, which --memory may change.
+    std::uint64_t asked = combine(begin, end);
+    for (std::size_t k = first[t]; k < first[t + 1]; ++k)
+      asked = combine(combine(asked, drawn[byTile[k].second].number), drawn[byTile[k].second].texel);
+    Journaled kept(run, tracer, {Loop::Audit, begin, std::uint32_t(byTile[first[t]].first), asked}, [&](auto& archive) {
+      for (std::size_t k = first[t]; k < first[t + 1]; ++k)
+        for (glm::dvec3& sum : drawn[byTile[k].second].sums) archive(sum);
+    });
+    if (kept.taken()) return;
     const TexelTile tile = texels.texels(byTile[first[t]].first);
     for (std::size_t k = first[t]; k < first[t + 1]; ++k) {
       Drawn& d = drawn[byTile[k].second];
@@ -106,6 +116,7 @@ void trace(std::vector<Drawn>& drawn, std::uint32_t begin, std::uint32_t end, co
         d.sums[stream] += tracing.sum(sampler, key, begin, end);
       }
     }
+    kept.put();
   });
 }
 
@@ -151,13 +162,13 @@ AuditResult audit(const LightMap& map, const LightMapValues& values, const Scene
   const PathTracer tracing(scene, tracer, options.paths);
   // What a path takes is known by a few of them; a level in which even these are too much is not audited.
   if (kRaysAPath * 2 * kPilotPaths * drawn.size() > options.rays) return {};
-  trace(drawn, 0, kPilotPaths, map, scene, texels, tracing, run.part(0.0, 0.1));
+  trace(drawn, 0, kPilotPaths, map, scene, texels, tracing, tracer, run.part(0.0, 0.1));
   const std::uint64_t pilot = tracer.rays(Purpose::Audit) - before;
   const double perPath = double(pilot) / double(kPilotPaths);  // of all texels, both streams
   const double more = perPath > 0.0 && options.rays > pilot ? double(options.rays - pilot) / perPath : 0.0;
   // Paths of later rounds are as long on average; a twentieth is kept for chance.
   const std::uint32_t paths = kPilotPaths + std::uint32_t(std::min(0.95 * more, double(1u << 22)));
-  trace(drawn, kPilotPaths, paths, map, scene, texels, tracing, run.part(0.1, 1.0));
+  trace(drawn, kPilotPaths, paths, map, scene, texels, tracing, tracer, run.part(0.1, 1.0));
   out.drawn = std::uint32_t(drawn.size());
   out.paths = 2ull * paths * drawn.size();
   out.rays = tracer.rays(Purpose::Audit) - before;

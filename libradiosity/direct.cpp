@@ -118,6 +118,22 @@ DirectLight::DirectLight(const Scene& scene, const Tracer& tracer, bool shadows)
       tree_(scene, emitters_),
       rays_(scene.lights.size()) {}
 
+namespace {
+thread_local DirectLight::Tally* tally = nullptr;
+}
+
+DirectLight::Tally::Tally(const DirectLight& light) : rays(light.rays_.size(), 0) { tally = this; }
+DirectLight::Tally::~Tally() { tally = nullptr; }
+
+void DirectLight::countRays(std::uint32_t light, std::uint64_t rays) const {
+  rays_[light].fetch_add(rays, std::memory_order_relaxed);
+  if (tally) tally->rays[light] += rays;
+}
+
+void DirectLight::countAsCast(std::span<const std::uint64_t> rays) const {
+  for (std::size_t i = 0; i < rays.size(); ++i) rays_[i].fetch_add(rays[i], std::memory_order_relaxed);
+}
+
 DirectPart DirectLight::sample(std::span<const SurfacePoint> places, const LightCut& cut, const Sobol4& address) const {
   DirectPart out;
   for (const std::uint32_t light : cut.punctual) out += punctual(places, light);
@@ -158,7 +174,7 @@ DirectPart DirectLight::punctual(std::span<const SurfacePoint> places, std::uint
   }
   if (n == 0) return out;
   trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
-  if (shadows_) rays_[index].fetch_add(n, std::memory_order_relaxed);
+  if (shadows_) countRays(index, n);
   return meanOf({unshadowed.data(), n}, {blocked.data(), n}, places.size());
 }
 
@@ -228,7 +244,7 @@ DirectPart DirectLight::punctualNearby(std::span<const TexelPiece> pieces, std::
   }
   if (n == 0) return out;
   trace({rays.data(), n}, {blocked.data(), n}, Purpose::Shadow);
-  if (shadows_) rays_[index].fetch_add(n, std::memory_order_relaxed);
+  if (shadows_) countRays(index, n);
   return meanOf({unshadowed.data(), n}, {blocked.data(), n}, count);
 }
 
@@ -381,7 +397,7 @@ DirectPart DirectLight::groups(std::span<const SurfacePoint> places, const Light
       if (in.illuminance == glm::dvec3(0.0) || glm::dot(in.towards, p.geometricNormal) <= 0.0) continue;
       unshadowed[n] = in.illuminance / choice.share;
       rays[n++] = towards(light, p, in.towards, in.endless);
-      if (shadows_) rays_[choice.light].fetch_add(1, std::memory_order_relaxed);
+      if (shadows_) countRays(choice.light, 1);
     } else {
       const Emitter& e = emitters_.whole[choice.light - tree_.punctualCount()];
       if (p.triangle == e.triangle || glm::dot(p.position_m - e.corner_m[0], e.normal) <= double(tracer_.lift_m())) continue;

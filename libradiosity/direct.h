@@ -44,7 +44,20 @@ class DirectLight {
   bool any() const { return !scene_.lights.empty() || hasEmitters(); }
   bool hasEmitters() const { return !emitters_.whole.empty(); }
   const Emitters& emitters() const { return emitters_; }
+  const Tracer& tracer() const { return tracer_; }
   std::uint64_t raysOf(std::uint32_t light) const { return rays_[light].load(); }
+
+  /// While it lives, shadow rays of this thread are counted light by light.
+  class Tally {
+   public:
+    explicit Tally(const DirectLight&);
+    ~Tally();
+    Tally(const Tally&) = delete;
+    Tally& operator=(const Tally&) = delete;
+    std::vector<std::uint64_t> rays;  ///< one a punctual light
+  };
+  /// Rays of a Tally whose results came from a journal.
+  void countAsCast(std::span<const std::uint64_t> rays) const;
 
   /// What the places of a sphere must ask; with a normal, fewer. A single place (radius 0) gets a coarser cut.
   LightCut lightsFor(const glm::dvec3& centre_m, double radius_m) const {
@@ -72,6 +85,7 @@ class DirectLight {
   DirectPart sample(std::span<const SurfacePoint> places, const LightCut&, const Sobol4& address) const;
 
  private:
+  void countRays(std::uint32_t light, std::uint64_t rays) const;
   void trace(std::span<const Ray>, std::span<std::uint8_t> blocked, Purpose) const;
   Ray towards(const Light&, const SurfacePoint&, const glm::dvec3& towards, bool endless) const;
 

@@ -39,7 +39,7 @@ void Gather::addNear(Gathered& out, std::span<const NearHit> hits, std::uint64_t
     reflectance[n] = near.weight * *rho;
     rays[n++] = {tracer_.lifted(p.position_m, p.geometricNormal), glm::vec3(d), INFINITY};
   }
-  tracer_.closest({rays.data(), n}, {met.data(), n}, Purpose::Gather);
+  tracer_.closest({rays.data(), n}, {met.data(), n}, Purpose::Near);
   for (std::size_t i = 0; i < n; ++i) {
     if (!met[i]) {
       const glm::dvec3 sky = kPi * glm::dvec3(reflectance[i] * scene_.sky);
@@ -103,7 +103,9 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
         near.push_back({hits[i], index[i], weight[i]});
         continue;
       }
-      out.bounced += double(weight[i]) * glm::dvec3(seen.exitance);
+      const glm::dvec3 back = double(weight[i]) * glm::dvec3(seen.exitance);
+      out.bounced += back;
+      if (isNear) out.nearLight += back;
       out.coarse += double(weight[i]) * glm::dvec3(seen.coarse);
     }
     if (!near.empty()) {

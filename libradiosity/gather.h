@@ -11,13 +11,15 @@ namespace lmc {
 
 /// Sums over the rays of one half of a texel.
 struct Gathered {
-  glm::dvec3 bounced{0.0};               ///< sum of exitance met: E = sum / rays
-  glm::dvec3 coarse{0.0};                ///< the same from patches of twice the size
-  double sky = 0.0;                      ///< rays that left the level, by weight: E_sky = pi L sky / rays
+  glm::dvec3 bounced{0.0};    ///< sum of exitance met: E = sum / rays
+  glm::dvec3 coarse{0.0};     ///< the same from patches of twice the size
+  glm::dvec3 nearLight{0.0};  ///< the part of `bounced` that comes from near hits, where they are read from the field as all others
+  double sky = 0.0;           ///< rays that left the level, by weight: E_sky = pi L sky / rays
   std::uint32_t near = 0, touching = 0;  ///< rays that met something nearer than the patch's size, than a tenth of it
   Gathered& operator+=(const Gathered& o) {
     bounced += o.bounced;
     coarse += o.coarse;
+    nearLight += o.nearLight;
     sky += o.sky;
     near += o.near;
     touching += o.touching;
@@ -36,6 +38,8 @@ class Gather {
   /// below the face itself counts as blocked and is not cast. `guide` tells the rays where to go as it was built last, and takes in what
   /// they find.
   Gathered rays(const TexelTile&, int x, int y, int half, std::uint32_t begin, std::uint32_t end, Guide& guide) const;
+
+  const DirectLight& direct() const { return direct_; }
 
  private:
   struct NearHit {

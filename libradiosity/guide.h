@@ -39,6 +39,14 @@ class Guide {
     return {inside(x, (u.x - columns_[std::size_t(x)]) / columnShare), inside(y, (u.y - rows[y]) / rowShare)};
   }
 
+  /// All that rays told it; what build() makes of it is no part.
+  template <class Archive>
+  void keep(Archive& archive) {
+    archive(squares_);
+    archive(sum_);
+    archive(rays_);
+  }
+
  private:
   /// The last cell that begins at or before u.
   static int find(const float* begins, float u) {

@@ -135,11 +135,18 @@ void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, con
 /// Hemisphere rays that bakeHemisphere is going to cast on the whole map.
 struct HemisphereForecast {
   double rays = 0.0, standardError = 0.0;
+  double near = 0.0;  ///< of them, those that meet something near
   double cast = 0.0;  ///< on the sample
+  /// Of the light that comes from what is near: mean over texels of the largest channel, and of its square [lx, lx^2].
+  struct NearLight {
+    double texels = 0.0, mean = 0.0, mean2 = 0.0;
+  };
+  std::vector<NearLight> nearLight;  ///< one an object, then the level; no texels: not in the sample
 };
-/// bakeHemisphere on MapOptions::sampled of the map, whose other texels lose their charts.
+/// bakeHemisphere on MapOptions::sampled of the map, whose other texels lose their charts. `onCells` is called when cells are there, which
+/// are made for the whole map.
 HemisphereForecast foretellHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, const Gather&, const MapOptions&,
-                                      const Run&);
+                                      const std::function<void()>& onCells, const Run&);
 
 inline constexpr double kRoundStep = 0.98;  ///< rays go with error^-1.43: a round casts 3 % of what was cast before
 inline constexpr int kMostRounds = 200;

@@ -5,6 +5,7 @@
 
 #include "libradiosity/light_map.h"
 #include "libscene/constants.h"
+#include "libscene/journal.h"
 #include "libscene/parallel.h"
 #include "libscene/polygon2.h"
 
@@ -465,6 +466,19 @@ class TileDirect {
   std::vector<std::uint32_t> sharesOf_;  // one a texel, the apron included; kNone = its cut has no groups
 };
 
+/// All that a tile writes, and the rays to each lamp.
+template <class Archive>
+void keep(LightMap& map, const TexelTile& tile, std::vector<std::uint64_t>& rays, Archive& archive) {
+  for (std::uint64_t& n : rays) archive(n);
+  for (int y = 0; y < tile.height; ++y)
+    for (int x = 0; x < tile.width; ++x) {
+      if (tile.at(x, y).fragmentCount == 0) continue;
+      const std::size_t i = map.index(tile, x, y);
+      for (std::size_t h = 0; h < 2; ++h) archive(map.direct[h][i]);
+      archive(map.edge[i]);
+    }
+}
+
 }  // namespace
 
 void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
@@ -473,7 +487,12 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
     const auto held = texels.held(t);
     const TexelTile& tile = *held;
-    if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options, kPilotPlaces, run.seed).bake();
+    if (tile.fragments.empty()) return;
+    DirectLight::Tally cast(direct);
+    Journaled kept(run, direct.tracer(), {Loop::Direct, 0, std::uint32_t(t)}, [&](auto& a) { keep(map, tile, cast.rays, a); });
+    if (kept.taken()) return direct.countAsCast(cast.rays);
+    TileDirect(map, scene, tile, direct, options, kPilotPlaces, run.seed).bake();
+    kept.put();
   });
 }
 

@@ -6,6 +6,7 @@
 #include "libradiosity/light_map.h"
 #include "libradiosity/map_cells.h"
 #include "libscene/constants.h"
+#include "libscene/journal.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
 
@@ -61,6 +62,7 @@ class HemisphereBaker {
       : map_(map),
         scene_(scene),
         texels_(texels),
+        tracer_(tracer),
         gather_(gather),
         options_(options),
         goal_(options.goal),
@@ -73,6 +75,7 @@ class HemisphereBaker {
     }
     map.coarse.assign(map.size(), Rgb(0.0f));
     map.near.assign(map.size(), 0);
+    if (options.sampled < 1.0) near_ = TexelArray<Near>(map.size());
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
     if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
     static_assert(kTile % kGuideBlock == 0);
@@ -121,6 +124,21 @@ class HemisphereBaker {
     out.rays = rays.sum;
     out.standardError = rays.standardError;
     for (const std::uint32_t n : map_.rays) out.cast += 2.0 * n;
+    out.near = cells_.estimate([this](std::size_t i) { return double(near_[i].rays); }).sum;
+    out.nearLight.resize(scene_.objects.size() + 1);
+    for (std::size_t i = 0; i < near_.size(); ++i) {
+      if (poolOf_[i] == kNone) continue;
+      const double e = double(strength(near_[i].light)) / (2.0 * map_.rays[i]), own = 1.0 / cells_.sharedBy(i);
+      for (auto* sum : {&out.nearLight[map_.object[i]], &out.nearLight.back()}) {
+        sum->texels += own;
+        sum->mean += own * e;
+        sum->mean2 += own * e * e;
+      }
+    }
+    for (auto& n : out.nearLight) {
+      n.mean /= std::max(1e-9, n.texels);
+      n.mean2 /= std::max(1e-9, n.texels);
+    }
     return out;
   }
 
@@ -198,6 +216,11 @@ class HemisphereBaker {
     for (std::size_t i = 0; i < wanted_.size() && !any; ++i) any = wanted_[i] > map_.rays[i];
     if (!any) return false;
     parallelFor(run_.part(from, to), texels_.tileCount(), 1, [&](std::size_t t) {
+      const std::vector<std::size_t> asked = run_.journal ? wantedOf(t) : std::vector<std::size_t>();
+      if (run_.journal && asked.empty()) return;
+      DirectLight::Tally cast(gather_.direct());
+      Journaled kept(run_, tracer_, {Loop::Hemisphere, round_, std::uint32_t(t)}, [&](auto& a) { keep(asked, cast.rays, a); });
+      if (kept.taken()) return gather_.direct().countAsCast(cast.rays);
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
@@ -212,6 +235,7 @@ class HemisphereBaker {
           map_.bounced[std::size_t(h)][i] += Rgb(g.bounced);
           map_.sky[std::size_t(h)][i] += float(g.sky);
           map_.coarse[i] += Rgb(g.coarse);
+          if (!near_.empty()) near_[i] = {near_[i].rays + g.near, near_[i].light + Rgb(g.nearLight)};
           if (double(g.touching) > kTouchingShare * (end - begin))
             map_.near[i] = 2;
           else if (double(g.near) > kNearShare * (end - begin))
@@ -219,9 +243,41 @@ class HemisphereBaker {
         }
         map_.rays[i] = end;
       }
+      kept.put();
     });
+    ++round_;
     parallelFor(Run{run_.threads, run_.seed, {}, {}}, guides_.size(), 16, [&](std::size_t g) { guides_[g].build(); });
     return true;
+  }
+
+  /// The texels of a tile that want rays.
+  std::vector<std::size_t> wantedOf(std::size_t t) const {
+    std::vector<std::size_t> out;
+    const std::size_t x0 = t % std::size_t(texels_.tilesX()) * kTile, y0 = t / std::size_t(texels_.tilesX()) * kTile;
+    for (std::size_t y = y0; y < std::min(y0 + kTile, std::size_t(map_.height)); ++y)
+      for (std::size_t x = x0; x < std::min(x0 + kTile, std::size_t(map_.width)); ++x)
+        if (const std::size_t i = y * std::size_t(map_.width) + x; wanted_[i] > map_.rays[i]) out.push_back(i);
+    return out;
+  }
+
+  /// All that rays of these texels, a tile's, change: sums, what guides are told, and rays to each lamp.
+  template <class Archive>
+  void keep(std::span<const std::size_t> asked, std::vector<std::uint64_t>& rays, Archive& archive) {
+    for (std::uint64_t& n : rays) archive(n);
+    std::vector<std::uint32_t> guides;
+    for (const std::size_t i : asked) {
+      for (std::size_t h = 0; h < 2; ++h) {
+        archive(map_.bounced[h][i]);
+        archive(map_.sky[h][i]);
+      }
+      archive(map_.coarse[i]);
+      archive(map_.near[i]);
+      archive(map_.rays[i]);
+      guides.push_back(guideOf_[i]);
+    }
+    std::ranges::sort(guides);
+    guides.erase(std::ranges::unique(guides).begin(), guides.end());
+    for (const std::uint32_t g : guides) guides_[g].keep(archive);
   }
 
   void makePools() {
@@ -470,6 +526,7 @@ class HemisphereBaker {
   LightMap& map_;
   const Scene& scene_;
   const TexelMap& texels_;
+  const Tracer& tracer_;
   const Gather& gather_;
   const MapOptions& options_;
   double goal_;
@@ -480,8 +537,14 @@ class HemisphereBaker {
   TexelArray<std::uint32_t> wanted_;   // rays each half
   std::vector<Pool> pools_;
   TexelArray<std::uint32_t> poolOf_;  // one a texel; kNone = not gathered
+  struct Near {
+    std::uint32_t rays = 0;
+    Rgb light{0.0f};  // sum over rays of both halves
+  };
+  TexelArray<Near> near_;  // one a texel of a sample, else none
   std::vector<double> objectMean_, objectTexels_;
   double mean_ = 0.0;
+  std::uint32_t round_ = 0;  // of casts
 };
 
 }  // namespace
@@ -492,8 +555,9 @@ void bakeHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, c
 }
 
 HemisphereForecast foretellHemisphere(LightMap& map, const Scene& scene, const TexelMap& texels, const Tracer& tracer, const Gather& gather,
-                                      const MapOptions& options, const Run& run) {
+                                      const MapOptions& options, const std::function<void()>& onCells, const Run& run) {
   HemisphereBaker sample(map, scene, texels, tracer, gather, options, run);
+  onCells();
   sample.bake();
   return sample.forecast();
 }

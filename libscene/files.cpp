@@ -304,6 +304,10 @@ void removeTemporaryFiles() noexcept {
     if (name.there) ::unlink(name.path.data());
 }
 
-std::string contentHash(std::span<const std::uint8_t> bytes) { return fmt::format("{:016x}", XXH3_64bits(bytes.data(), bytes.size())); }
+std::uint64_t hash64(std::span<const std::uint8_t> bytes, std::uint64_t seed) {
+  return XXH3_64bits_withSeed(bytes.data(), bytes.size(), seed);
+}
+
+std::string contentHash(std::span<const std::uint8_t> bytes) { return fmt::format("{:016x}", hash64(bytes)); }
 
 }  // namespace lmc

@@ -72,7 +72,9 @@ bool isNamingFiles() noexcept;
 /// Unlinks every temporary file of this process: for a signal handler that ends it (async-signal-safe).
 void removeTemporaryFiles() noexcept;
 
-/// 16 hexadecimal digits of XXH3-64.
+/// XXH3-64.
+std::uint64_t hash64(std::span<const std::uint8_t> bytes, std::uint64_t seed = 0);
+/// 16 hexadecimal digits of it.
 std::string contentHash(std::span<const std::uint8_t> bytes);
 
 }  // namespace lmc

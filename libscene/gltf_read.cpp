@@ -15,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include "libscene/files.h"
 #include "libscene/gltf_check.h"
 
 namespace lmc {
@@ -83,6 +84,7 @@ std::vector<std::uint8_t> readFile(const fs::path& path, const Asker& asker, std
 std::vector<std::uint8_t> readInput(GltfFile& file, const fs::path& path, const Asker& asker, const LoadLimits& limits) {
   std::vector<std::uint8_t> bytes = readFile(path, asker, limits.maxInputBytes - std::min(limits.maxInputBytes, file.bytesRead));
   file.bytesRead += bytes.size();
+  file.content = hash64(bytes, file.content);
   if (std::find(file.inputs.begin(), file.inputs.end(), path) == file.inputs.end()) file.inputs.push_back(path);
   return bytes;
 }

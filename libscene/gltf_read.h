@@ -34,6 +34,7 @@ struct GltfFile {
   std::vector<std::vector<std::uint8_t>> buffers;  ///< byteLength bytes each; empty where the file gives none
   std::vector<std::filesystem::path> inputs;       ///< every file read so far, each once
   std::uint64_t bytesRead = 0;                     ///< of all of them
+  std::uint64_t content = 0;                       ///< hash of those bytes, in the order of reading
 };
 
 /// Container, JSON, checks, buffers. Throws Error.

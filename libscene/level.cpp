@@ -606,6 +606,7 @@ Scene Loader::load() {
   finishMaterials();
   report();
   scene_.inputs = file_.inputs;
+  scene_.content = file_.content;
   run_.progress(1.0);
   return std::move(scene_);
 }

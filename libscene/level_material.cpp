@@ -90,6 +90,15 @@ bool wantsTangents(const Json& json) {
          extension(json, "KHR_materials_anisotropy");
 }
 
+/// As readLook and the shaders have it: a dielectric's highlight, which roughness 1 takes away unless a map of its own says all.
+bool shinesAsDielectric(const Json& json) {
+  const Json *pbr = member(json, "pbrMetallicRoughness"), *extras = member(json, "extras"),
+             *lmc = extras ? member(*extras, "lmc") : nullptr, *khr = extension(json, "KHR_materials_specular");
+  if (khr && khr->value("specularFactor", 1.0) <= 0.0) return false;
+  if (lmc && member(*lmc, "specularTexture")) return true;
+  return pbr && (pbr->value("roughnessFactor", 1.0) < 1.0 || member(*pbr, "metallicRoughnessTexture"));
+}
+
 Material readMaterial(const MaterialPlace& place, const tinygltf::Material& from, const Json& json) {
   Material out;
   const auto& pbr = from.pbrMetallicRoughness;
@@ -105,6 +114,7 @@ Material readMaterial(const MaterialPlace& place, const tinygltf::Material& from
                                       info(pbrJson, "metallicRoughnessTexture"), "/pbrMetallicRoughness/metallicRoughnessTexture");
   out.emission = readEmission(place, from, json);
   out.wantsTangents = wantsTangents(json);
+  out.shines = out.metallic > 0.0f || shinesAsDielectric(json);
   if (out.emission != Rgb(0.0f))
     out.emissionTexture =
         readTexture(place, from.emissiveTexture.index, from.emissiveTexture.texCoord, info(&json, "emissiveTexture"), "/emissiveTexture");

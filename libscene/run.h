@@ -7,11 +7,14 @@
 
 namespace lmc {
 
+class Journal;
+
 struct Run {
   int threads = 0;                                ///< 0 = all; never changes a result
   std::uint64_t seed = 1;                         ///< with the level and the options, all that a result depends on
   std::function<bool(double)> onProgress;         ///< share of the stage done in [0, 1]; return false to stop
   std::function<void(const Message&)> onMessage;  ///< warnings and notes; may be empty
+  Journal* journal = nullptr;                     ///< where finished tiles are kept and looked up (journal.h); null = nowhere
 
   void progress(double share) const {
     if (onProgress && !onProgress(share)) throw Cancelled();

@@ -42,7 +42,8 @@ struct Material {
   float alphaCutoff = 0.5f;
   bool doubleSided = false;
   bool wantsTangents = false;  ///< it has a normal map, or something else that lies in tangent space
-  bool transmissive = false;  ///< KHR_materials_transmission: as Blend, casts no shadow and reflects nothing
+  bool shines = true;          ///< a renderer gives it highlights: a metal, or smoother than roughness 1
+  bool transmissive = false;   ///< KHR_materials_transmission: as Blend, casts no shadow and reflects nothing
   bool opaqueToLight() const { return alpha != Alpha::Blend && !transmissive; }
 };
 
@@ -93,6 +94,7 @@ struct Camera {
 struct Scene {
   std::filesystem::path file;                 ///< as the user named it
   std::vector<std::filesystem::path> inputs;  ///< every file read: the level, its buffers, its images
+  std::uint64_t content = 0;                  ///< hash of their bytes as they were read
   glm::dvec3 centre_m{0.0};                   ///< added to a position gives the level's own coordinates
   float extent_m = 0.0f;                      ///< largest absolute recentred coordinate
 
@@ -114,6 +116,7 @@ struct Scene {
   std::uint32_t dynamicLights = 0, dynamicMeshNodes = 0;  ///< seen and left to run time
   Rgb sky{0.0f};                                          ///< radiance of every direction that leaves the level [cd/m^2]
   Rgb ambient{0.0f};                                      ///< extras.lmc.ambient, for the shader alone
+  bool grey = false;                                      ///< surfaces are taken by their luminance: reflectanceAt, emissionAt
   std::vector<Camera> cameras;
   int mapResolution = 0;        ///< scene extras.lmc.lightmap.resolution; 0 = not said
   double texelsPerMetre = 0.0;  ///< scene extras.lmc.lightmap.texels_per_metre; 0 = not said

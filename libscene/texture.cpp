@@ -132,19 +132,21 @@ int pointsAcross(double twiceTexelArea) {
   return std::clamp(int(std::ceil(std::sqrt(std::min(0.5 * twiceTexelArea, 1e6)))), 4, kMaxPointsAcross);
 }
 
+Rgb seen(const Scene& scene, const Rgb& c) { return scene.grey ? Rgb(luminance(c)) : c; }
+
 }  // namespace
 
 Rgb reflectanceAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) {
   const Material& material = scene.materialOf(triangle);
   float metallic = material.metallic;
   if (material.metallicTexture) metallic *= sampleAt(scene, material.metallicTexture, triangle, bary, Encoding::Linear).b;
-  return glm::clamp(Rgb(baseColorAt(scene, triangle, bary)) * (1.0f - metallic), 0.0f, 1.0f);
+  return seen(scene, glm::clamp(Rgb(baseColorAt(scene, triangle, bary)) * (1.0f - metallic), 0.0f, 1.0f));
 }
 
 Rgb emissionAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) {
   const Material& material = scene.materialOf(triangle);
-  if (!material.emissionTexture) return material.emission;
-  return material.emission * Rgb(sampleAt(scene, material.emissionTexture, triangle, bary, Encoding::Srgb));
+  if (!material.emissionTexture) return seen(scene, material.emission);
+  return seen(scene, material.emission * Rgb(sampleAt(scene, material.emissionTexture, triangle, bary, Encoding::Srgb)));
 }
 
 float alphaAt(const Scene& scene, std::uint32_t triangle, glm::vec2 bary) { return baseColorAt(scene, triangle, bary).a; }

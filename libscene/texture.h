@@ -6,6 +6,9 @@
 
 namespace lmc {
 
+/// Of linear Rec. 709 colours (ITU-R BT.709-6, item 3.2): what a grey of the same luminance has in each channel.
+inline float luminance(const Rgb& c) { return 0.2126f * c.r + 0.7152f * c.g + 0.0722f * c.b; }
+
 /// All take barycentric coordinates (b1, b2) of the second and third corner.
 /// Diffuse reflectance: base colour factor * texture * COLOR_0 * (1 - metallic), each channel clamped to [0, 1].
 Rgb reflectanceAt(const Scene&, std::uint32_t triangle, glm::vec2 bary);

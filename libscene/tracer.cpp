@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "libscene/error.h"
 #include "libscene/texture.h"
@@ -33,11 +34,14 @@ struct Part {
   std::vector<std::uint32_t> triangles;
 };
 
+thread_local std::uint64_t holeTestsOfThread = 0;  ///< of this thread, not yet counted
+
 /// A hole is a hit that does not count.
 void rejectHoles(const RTCFilterFunctionNArguments* args) {
   const Part& part = *static_cast<const Part*>(args->geometryUserPtr);
   for (unsigned i = 0; i < args->N; ++i) {
     if (args->valid[i] == 0) continue;
+    ++holeTestsOfThread;
     const glm::vec2 bary(RTCHitN_u(args->hit, args->N, i), RTCHitN_v(args->hit, args->N, i));
     const std::uint32_t triangle = part.triangles[RTCHitN_primID(args->hit, args->N, i)];
     if (alphaAt(*part.scene, triangle, bary) < part.scene->materialOf(triangle).alphaCutoff) args->valid[i] = 0;
@@ -173,7 +177,7 @@ void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked
       rtcOccluded1M(device_->scene, &context, buffer, unsigned(n), sizeof(RTCRay));
     for (std::size_t i = 0; i < n; ++i) blocked[at + i] = buffer[i].tfar < 0.0f;  // Embree sets tfar to -inf where a ray is blocked
   }
-  counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
+  count(purpose, rays.size());
 }
 
 void Tracer::occluded(std::span<const RayFan> fans, std::span<std::uint16_t> blocked, Purpose purpose) const {
@@ -208,7 +212,7 @@ void Tracer::occluded(std::span<const RayFan> fans, std::span<std::uint16_t> blo
       blocked[f] = std::uint16_t(bits);
     }
   }
-  counts_[std::size_t(purpose)].fetch_add(cast, std::memory_order_relaxed);
+  count(purpose, cast);
 }
 
 Hit Tracer::closest(const Ray& ray, Purpose purpose) const {
@@ -235,7 +239,7 @@ void Tracer::closest(std::span<const Ray> rays, std::span<Hit> hits, Purpose pur
     // Whether a place is buried is asked of what is met first: within a box that reaches to the ceiling, the ceiling is no sight of a room.
     if (purpose != Purpose::Exposure) preferFronts(rays.subspan(at, n), hits.subspan(at, n));
   }
-  counts_[std::size_t(purpose)].fetch_add(rays.size(), std::memory_order_relaxed);
+  count(purpose, rays.size());
 }
 
 /// A back that is met may lie in the plane of a front, or before it by what vertices are rounded by: then rays that come from the front's
@@ -272,6 +276,28 @@ void Tracer::preferFronts(std::span<const Ray> rays, std::span<Hit> hits) const 
       second.ray.tfar = far;
     }
   }
+}
+
+namespace {
+thread_local RayCounts castHere{};
+}
+
+void Tracer::count(Purpose purpose, std::uint64_t rays) const {
+  counts_[std::size_t(purpose)].fetch_add(rays, std::memory_order_relaxed);
+  castHere[std::size_t(purpose)] += rays;
+  if (holeTestsOfThread > 0) holeTests_.fetch_add(std::exchange(holeTestsOfThread, 0), std::memory_order_relaxed);
+}
+
+RayCounts Tracer::castByThisThread() { return castHere; }
+
+void Tracer::countAsCast(const RayCounts& rays) const {
+  for (std::size_t p = 0; p < rays.size(); ++p) counts_[p].fetch_add(rays[p], std::memory_order_relaxed);
+}
+
+RayCounts Tracer::counts() const {
+  RayCounts out{};
+  for (std::size_t p = 0; p < out.size(); ++p) out[p] = counts_[p].load();
+  return out;
 }
 
 std::uint64_t Tracer::rays(Purpose purpose) const { return counts_[std::size_t(purpose)].load(); }

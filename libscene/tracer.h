@@ -11,9 +11,25 @@
 namespace lmc {
 
 /// What a ray is for; counted apart, so that a report can show what each effect cost.
-enum class Purpose : std::uint8_t { Shadow, Emitter, Sky, Gather, Exposure, PatchSky, Shoot, Visibility, Camera, Cells, Occlusion, Audit };
-inline constexpr std::array<const char*, 12> kPurposeNames{"shadow", "emitter",    "sky",    "gather", "exposure",  "patch-sky",
-                                                           "shoot",  "visibility", "camera", "cells",  "occlusion", "audit"};
+enum class Purpose : std::uint8_t {
+  Shadow,
+  Emitter,
+  Sky,
+  Gather,
+  Near,
+  Exposure,
+  PatchSky,
+  Shoot,
+  Visibility,
+  Camera,
+  Cells,
+  Occlusion,
+  Audit
+};
+inline constexpr std::array kPurposeNames{"shadow", "emitter",    "sky",    "gather", "near",      "exposure", "patch-sky",
+                                          "shoot",  "visibility", "camera", "cells",  "occlusion", "audit"};
+
+using RayCounts = std::array<std::uint64_t, kPurposeNames.size()>;  ///< one a purpose
 
 struct Ray {
   glm::vec3 origin_m, direction;  ///< any length; tFar counts in lengths of direction
@@ -64,17 +80,24 @@ class Tracer {
   }
 
   std::uint64_t rays(Purpose) const;
-  std::uint64_t rays() const;                                        ///< of all purposes
+  std::uint64_t rays() const;  ///< of all purposes
+  RayCounts counts() const;
+  static RayCounts castByThisThread();                               ///< so far, by any tracer
+  void countAsCast(const RayCounts&) const;                          ///< rays whose results came from a journal
+  std::uint64_t holeTests() const { return holeTests_.load(); }      ///< looks at the alpha of Mask materials
   std::uint32_t degenerateTriangles() const { return degenerate_; }  ///< left out: their area is below 1e-12 of the longest edge squared
   std::uint64_t bytes() const;                                       ///< held by Embree
 
  private:
   void preferFronts(std::span<const Ray>, std::span<Hit>) const;
+  /// Adds what a call cast, and the looks at alpha that its thread has made meanwhile.
+  void count(Purpose, std::uint64_t rays) const;
   struct Device;
   std::unique_ptr<Device> device_;
   float lift_m_ = 0.0f;
   std::uint32_t degenerate_ = 0;
   mutable std::array<std::atomic<std::uint64_t>, kPurposeNames.size()> counts_{};
+  mutable std::atomic<std::uint64_t> holeTests_{0};
 };
 
 /// Area, in double, free of cancellation at large coordinates.

@@ -15,6 +15,7 @@
 #include "lmc/outputs.h"
 #include "lmc/plan_report.h"
 #include "lmc/report.h"
+#include "lmc/resume.h"
 
 namespace lmc {
 
@@ -78,12 +79,20 @@ struct Work {
 /// The folders that a bake writes to: a level that cannot be read makes none; one that cannot be written to is found before the work.
 struct Targets {
   std::unique_ptr<OutputSet> outputs, dependencies;
-  void open(const Bake& b) {
+  std::unique_ptr<Journal> journal;
+  void open(Bake& b) {
+    reportTrouble(journal.get(), b);
     if (outputs) return;
     refuseToOverwriteInputs(b);
     outputs = std::make_unique<OutputSet>(b.options.out);
     const auto& depfile = b.options.depfile;
     if (!depfile.empty()) dependencies = std::make_unique<OutputSet>(depfile.parent_path().empty() ? "." : depfile.parent_path());
+  }
+  /// Before the first stage that is worth keeping: what is refused until then leaves a journal as it is.
+  void goOn(Bake& b) {
+    journal = openJournal(b);
+    b.run.journal = journal.get();
+    reportTrouble(journal.get(), b);
   }
 };
 
@@ -221,6 +230,7 @@ class InTime {
 std::unique_ptr<Work> inOrder(const BakeOptions& options, Progress& progress, Targets& targets) {
   auto work = std::make_unique<Work>(options, progress);
   for (const StageRow& stage : kStages) {
+    if (stage.work == directLight) targets.goOn(work->b);
     work->perform(stage);
     targets.open(work->b);
   }
@@ -265,11 +275,11 @@ Run stoppableRun(int threads) {
 void askToStop(int signal) { stopSignal = signal; }
 int askedToStop() { return stopSignal; }
 
-Exit bake(const BakeOptions& options) {
-  Progress progress(options.progress);
+namespace {
+
+Exit bakeInto(Targets& targets, const BakeOptions& options, Progress& progress) {
   Exit result = Exit::Done;
   withThreads(Run{options.threads, options.seed, {}, {}}, [&] {
-    Targets targets;
     std::optional<InTime> inTime;
     if (options.time_s > 0.0) inTime.emplace(options, progress, targets);
     const std::unique_ptr<Work> work = inTime ? inTime->bake() : inOrder(options, progress, targets);
@@ -290,11 +300,13 @@ Exit bake(const BakeOptions& options) {
       report["time"] = {{"asked_s", options.time_s},
                         {"seconds", inTime->seconds()},
                         {"same_bytes_by", fmt::format("--max-error {:g}% --gather-rounds {}", 100.0 * b.options.goal, b.map.rounds)}};
+    if (targets.journal) report["resume"] = resumeOf(*targets.journal);
     writeOutputs(*targets.outputs, b, report);
     if (targets.dependencies) targets.dependencies->open(options.depfile.filename()).write(depfileText(b));
     b.run.progress(1.0);  // the last moment to stop
     if (targets.dependencies) targets.dependencies->commit();
     targets.outputs->commit();
+    if (targets.journal) targets.journal->remove();
     if (options.json)
       fmt::print("{}\n", report.dump(2));
     else if (options.explain)
@@ -306,6 +318,28 @@ Exit bake(const BakeOptions& options) {
                              inTime ? std::string(report["time"]["same_bytes_by"]) : fmt::format("goal {}", figure(options.goal))));
   });
   return result;
+}
+
+}  // namespace
+
+Exit bake(const BakeOptions& options) {
+  Progress progress(options.progress);
+  Targets targets;
+  const auto goesOn = [&] {
+    if (targets.journal && targets.journal->tilesKept() > 0) progress.say(goesOnText(*targets.journal, options, progress.done()));
+  };
+  try {
+    return bakeInto(targets, options, progress);
+  } catch (const Cancelled&) {
+    goesOn();
+    throw;
+  } catch (const Error& e) {
+    if (mayGoOn(e))
+      goesOn();
+    else if (targets.journal)
+      targets.journal->remove();
+    throw;
+  }
 }
 
 Exit showPlan(const PlanOptions& options) {

@@ -14,7 +14,29 @@ namespace {
 constexpr std::uint64_t kMostPlaneTests = 50'000'000;  // a convex level of more is taken as any other
 constexpr double kOnPlane = 4e-7;                      // of the level's extent: rounding of float vertices, less than rays are lifted by
 
+constexpr float kAlphaRounding = 1e-5f;  // relative, of interpolated alpha
+
 bool grey(const Rgb& c) { return c.r == c.g && c.g == c.b; }
+
+/// Of all pictures, looked at once.
+struct Pictures {
+  explicit Pictures(const Scene& scene) : grey(scene.images.size(), true), leastAlpha(scene.images.size(), 1.0f) {
+    for (std::size_t i = 0; i < scene.images.size(); ++i) {
+      std::uint8_t least = 255;
+      bool same = true;
+      for (const glm::u8vec4& p : scene.images[i].pixels) {
+        least = std::min(least, p.a);
+        same = same && p.r == p.g && p.g == p.b;
+      }
+      grey[i] = same;
+      leastAlpha[i] = float(least) / 255.0f;
+    }
+  }
+  bool isGrey(const Texture& t) const { return !t || grey[t.image]; }
+  float alpha(const Texture& t) const { return t ? leastAlpha[t.image] : 1.0f; }
+  std::vector<bool> grey;
+  std::vector<float> leastAlpha;
+};
 
 /// All vertices against the planes of what blocks, and of what receives. Most levels show after a few triangles that they are neither.
 struct Sides {
@@ -61,6 +83,7 @@ Facts factsOf(const Scene& scene) {
       ++f.spotLights;
     else
       ++f.directionalLights;
+    f.ambient = f.ambient || l.classic;
     f.rangedLights += l.range_m > 0.0 || (l.classic && l.classic->range > 0.0);
   }
   f.dynamicLights = scene.dynamicLights;
@@ -68,6 +91,13 @@ Facts factsOf(const Scene& scene) {
   f.sky = strength(scene.sky) > 0.0f;
   f.grey = f.grey && grey(scene.sky);
   for (const Material& m : scene.materials) f.tangentMaterials += m.wantsTangents;
+  f.ambient = f.ambient || f.dynamicLights > 0 || strength(scene.ambient) > 0.0f;
+  const Pictures pictures(scene);
+  float vertexAlpha = 1.0f;
+  for (const glm::vec4& c : scene.colors) {
+    vertexAlpha = std::min(vertexAlpha, c.a);
+    f.grey = f.grey && grey(Rgb(c));
+  }
   std::vector<bool> used(scene.materials.size(), false);
   for (const Object& o : scene.objects) {
     const Material& m = scene.materials[o.material];
@@ -75,7 +105,8 @@ Facts factsOf(const Scene& scene) {
     used[o.material] = true;
     f.receivers += o.receive;
     f.mirroredObjects += o.mirrored;
-    f.grey = f.grey && grey(Rgb(m.baseColor)) && !m.baseColorTexture && grey(m.emission) && !m.emissionTexture && scene.colors.empty();
+    f.grey =
+        f.grey && grey(Rgb(m.baseColor)) && pictures.isGrey(m.baseColorTexture) && grey(m.emission) && pictures.isGrey(m.emissionTexture);
     if (strength(m.emission) > 0.0f) {
       f.emissiveTriangles += o.triangleCount;
       double area = 0.0;
@@ -90,8 +121,15 @@ Facts factsOf(const Scene& scene) {
     // COLOR_0 and textures only take away from the factor.
     f.largestReflectance = std::max(f.largestReflectance, strength(Rgb(m.baseColor)) * (m.metallicTexture ? 1.0f : 1.0f - m.metallic));
   }
-  for (std::size_t m = 0; m < used.size(); ++m)
-    f.shinyMaterials += used[m] && (scene.materials[m].metallic > 0.0f || scene.materials[m].metallicTexture);
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    if (!used[i]) continue;
+    const Material& m = scene.materials[i];
+    f.shinyMaterials += m.shines;
+    if (m.alpha != Material::Alpha::Mask) continue;
+    ++f.maskedMaterials;
+    f.holedMaterials +=
+        m.alphaCutoff > 0.0f && m.baseColor.a * pictures.alpha(m.baseColorTexture) * vertexAlpha < m.alphaCutoff * (1.0f + kAlphaRounding);
+  }
   if (f.blockers > 0) {
     const Sides s = sidesOf(scene);
     f.shape = s.inside && s.outside ? Shape::Flat : s.inside ? Shape::SeenFromInside : s.outside ? Shape::SeenFromOutside : Shape::Any;

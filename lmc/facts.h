@@ -11,9 +11,15 @@
 
 namespace lmc {
 
-enum class Effect { Direct, Shadow, Area, Sky, Bounce, Ao, Bent, Tangents, Seams };
-inline constexpr const char* kEffectNames[] = {"direct", "shadow", "area", "sky", "bounce", "ao", "bent", "tangents", "seams"};
+enum class Effect { Direct, Shadow, Area, Sky, Bounce, Ao, Bent, Tangents, Seams, Near, Colour, Alpha, Specular, ScreenAo };
+inline constexpr const char* kEffectNames[] = {"direct",   "shadow", "area", "sky",    "bounce", "ao",       "bent",
+                                               "tangents", "seams",  "near", "colour", "alpha",  "specular", "screen-ao"};
 inline constexpr std::size_t kEffects = std::size(kEffectNames);
+
+/// Light, or a map; the others are ways in which these are simulated, or what a renderer is to do.
+constexpr bool isSimulated(Effect e) { return e <= Effect::Bent || e == Effect::Seams; }
+/// Follows from what else runs, and from the level: a list of effects does not speak of it.
+constexpr bool isManner(Effect e) { return e >= Effect::Near; }
 
 /// Whether all that receives or blocks light lies on one side of every surface that blocks it. Then no surface hides a lamp from another.
 enum class Shape {
@@ -69,9 +75,12 @@ struct Facts {
   std::uint32_t receivers = 0;         ///< objects with a place in the light map
   std::uint32_t blockers = 0;          ///< triangles that cast shadows
   std::uint32_t maskedTriangles = 0;   ///< of them, those with holes
+  std::uint32_t maskedMaterials = 0;   ///< of alphaMode MASK
+  std::uint32_t holedMaterials = 0;    ///< of them, those whose alpha is anywhere below the cut-off
   std::uint32_t mirroredObjects = 0;   ///< whose node turns them inside out
   std::uint32_t tangentMaterials = 0;  ///< that call for tangents
-  std::uint32_t shinyMaterials = 0;    ///< that a shader gives highlights beyond a dielectric's: metals
+  std::uint32_t shinyMaterials = 0;    ///< that a renderer gives highlights
+  bool ambient = false;                ///< a renderer may add ambient light, which is all that its occlusion darkens
   float largestReflectance = 0.0f;     ///< over materials, all channels
   Shape shape = Shape::Any;
   bool lampsInFront = false;  ///< every lamp lies in front of every surface

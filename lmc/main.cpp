@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "libscene/files.h"
+#include "libscene/journal.h"
 #include "lmc/ao.h"
 #include "lmc/bake.h"
 #include "lmc/check_shader.h"
@@ -28,12 +29,15 @@ namespace {
 // The stages look often, but not within every outside library: who is asked to stop does so within this.
 constexpr unsigned kPatience_us = 800'000, kMoment_us = 10'000;
 
+constexpr char kGoesOn[] = "lmc: stopped: finished tiles are kept, and the same command goes on with them [LMC_RESUME]\n";
+
 void leave(int signal) {
   if (lmc::isNamingFiles()) {  // a set is all but there
     ualarm(kMoment_us, 0);
     return;
   }
   lmc::removeTemporaryFiles();
+  if (lmc::journalHoldsTiles()) static_cast<void>(!write(STDERR_FILENO, kGoesOn, sizeof(kGoesOn) - 1));
   _exit(128 + signal);
 }
 

@@ -167,7 +167,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->check(CLI::IsMember({"draft", "level", "final"}))
       ->type_name("NAME");
   app->add_option("--effects", o.effects,
-                  "auto, exactly these (direct,shadow,area,sky,bounce,ao,bent,tangents,seams), or changes to auto (+sky,-bounce)")
+                  "auto, exactly these (direct,shadow,area,sky,bounce,ao,bent,tangents,seams), or changes to auto (+sky,-bounce,-near,"
+                  "-colour,-alpha); lmc plan tells of each")
       ->type_name("LIST");
   app->add_option_function<std::string>(
          "--passes",
@@ -534,6 +535,9 @@ Command parseCommandLine(int argc, const char* const* argv) {
           "rounds that "
           "give the same bytes; exit code 5 where it cannot be done in that time")
       ->type_name("TIME");
+  bakeApp->add_flag("--no-resume{false}", bake.resume,
+                    "start from zero and keep no journal [default: finished tiles are kept in OUT/.lmc-resume until the bake is done, and "
+                    "the same command goes on with those of a run that was stopped or killed; not with --time]");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp

@@ -43,6 +43,7 @@ struct BakeOptions {
   std::uint32_t gatherRays = 0;         ///< hemisphere rays of each half of a gathered texel; 0 = from the goal
   Audit audit = Audit::Auto;            ///< check by unbiased path tracing
   int gatherRounds = 0;                 ///< rounds of hemisphere rays beyond the goal's
+  bool resume = true;                   ///< keep finished tiles in the folder until the bake is done, and go on from those that are there
   double time_s = 0.0;                  ///< wall time to fill instead of a goal to reach; 0 = no such wish
   std::uint64_t maxLinks = 40'000'000;  ///< of the hierarchical solver
   PartitionOptions partition;           ///< of the hierarchical solver

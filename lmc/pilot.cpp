@@ -21,10 +21,11 @@ constexpr std::uint32_t kManyAoRays = 96;
 constexpr int kAoBlock = 4;
 // Bounds above what is measured: on every texel of the map by two places; and what coarse patches see of the sky and of bounces.
 constexpr double kDirectMargin = 1.1, kPatchMargin = 1.5;
+constexpr double kNearRays = 0.7;  // rays for each near hit: one, but for those below the surface there, and patches are smaller in corners
 
 // What a stage takes beside its rays [s], from bakes of the reference scenes. Rays are timed by the pilot itself.
 constexpr double kDirectTexel_s = 0.7e-6;
-constexpr double kGatherTexel_s = 0.35e-6, kGatherTexels_s = 0.7e-6;  // of the map's texels: in the pilot, in the bake
+constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the map's texels: in the pilot, in the bake
 constexpr double kAoTexel_s = 3e-6, kAoHard = 1.25;                   // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
 constexpr double kLeastRay_s = 0.05e-6;
@@ -125,7 +126,7 @@ class PilotRun {
     const DirectMap known{b_.map.width, b_.map.height, mean.data(), b_.map.chart.data(), &b_.charts, b_.map.edge.data()};
 
     const std::size_t objects = texels_.size();
-    ByObject bounced(objects), open(objects);
+    ByObject bounced(objects), open(objects), near(objects);
     std::vector<double> light(objects, 0.0);  // mean over channels
     for (std::size_t o = 0; o < objects; ++o)
       if (texels_[o] > 0.0) light[o] = seen.objects[o].light / texels_[o];
@@ -156,14 +157,14 @@ class PilotRun {
                                         std::array<const Bounced*, 2>{&solutions[0].illuminance, &solutions[1].illuminance}, nullptr,
                                         quiet_, true);
       const double field_s = clock.lap();
-      hemisphere(direct, field.get(), mean, options);
+      near = hemisphere(direct, field.get(), mean, options);
       if (bounce) {
         const double finer = std::min(kFinerPatches * 0.02 / b_.options.goal, double(b_.options.maxPatches) / double(mesh.patches.size()));
         out_.patches = forecast(0.0, kMeshAgain * mesh_s + kLightAgain * finer * light_s, kPatchSpread);
         out_.solve = forecast(2.0 * kStoredRays * finer * double(mesh.patches.size()), finer * solve_s + field_s, kPatchSpread);
       }
     }
-    contributions(seen, bounced, open, light);
+    contributions(seen, bounced, open, near, light);
   }
 
   /// Light of the sky and of bounces on patches, by object: squares of the largest channel, and what they add to the light.
@@ -211,23 +212,37 @@ class PilotRun {
     }
   }
 
-  void hemisphere(const DirectLight& direct, const Field* field, const TexelArray<Rgb>& mean, MapOptions options) {
+  /// Returns the light of near hits.
+  ByObject hemisphere(const DirectLight& direct, const Field* field, const TexelArray<Rgb>& mean, MapOptions options) {
     const TexelArray<std::uint32_t> whole = b_.map.chart;
     // The noise of two places is none of the bake's.
     b_.map.direct[0] = b_.map.direct[1] = mean;
     options.interpolate = b_.options.interpolate;
     options.rays = b_.options.gatherRays;
     options.sampled = std::min(0.999, std::clamp(kSampled * all_, kLeastTexels, kMostTexels) / all_);
-    // Near hits are left to the coarse patches: with patches of the bake's size they are few.
+    // Near hits are read from the patches, which are about as large as the bake's.
     const Gather gather(b_.scene, *b_.tracer, direct, field, false, b_.run.seed);
     Clock clock;
-    const HemisphereForecast told = foretellHemisphere(b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, quiet_);
+    double cells_s = 0.0;
+    const HemisphereForecast told = foretellHemisphere(
+        b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, quiet_);
     std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
     const auto size = double(b_.map.size());
-    const double ray_s = std::max(kLeastRay_s, (clock.lap() - kGatherTexel_s * size) / std::max(1.0, told.cast));
+    const double rays_s = clock.lap();
+    const double ray_s = std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast));
     // Few blocks know little of their own spread.
     const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0);
-    out_.gather = forecast(told.rays, kGatherTexels_s * size + ray_s * told.rays, spread);
+    const double all = told.rays + (b_.plan.runs(Effect::Near) ? kNearRays * told.near : 0.0);
+    out_.gather = forecast(all, cells_s + kGatherTexels_s * size + ray_s * all, spread);
+    const std::size_t objects = texels_.size();
+    ByObject near(objects);
+    for (std::size_t o = 0; o < objects; ++o) {
+      // What is not in the sample gets what there is elsewhere.
+      const auto& own = told.nearLight[told.nearLight[o].texels > 0.0 ? o : objects];
+      near.mean[o] = own.mean;
+      near.mean2[o] = own.mean2;
+    }
+    return near;
   }
 
   void openness() {
@@ -252,7 +267,8 @@ class PilotRun {
   }
 
   /// Bounds of what each effect gives, its own bounces included.
-  void contributions(const DirectPilot& seen, const ByObject& bounced, const ByObject& open, const std::vector<double>& light) {
+  void contributions(const DirectPilot& seen, const ByObject& bounced, const ByObject& open, const ByObject& near,
+                     const std::vector<double>& light) {
     const std::size_t objects = texels_.size();
     for (std::size_t o = 0; o < objects; ++o) out_.mean_lx += texels_[o] * light[o] / all_;
     if (!(out_.mean_lx > 0.0)) return;
@@ -296,6 +312,8 @@ class PilotRun {
     give(Effect::Shadow, hidden, kDirectMargin, sentOn);
     give(Effect::Sky, open, kPatchMargin, sentOn);
     give(Effect::Bounce, bounced, kPatchMargin, 0.0);
+    // Either way of reading it gives some light: they differ by no more than the larger of the two.
+    give(Effect::Near, near, kPatchMargin, 0.0);
     for (std::size_t i = 0; i < b_.scene.lights.size(); ++i) {
       const DirectPilot::Given& g = seen.lights[i];
       out_.lamps.push_back({b_.scene.lights[i].path, g.texels / all_, kDirectMargin * std::sqrt(g.sum2 / all_) / out_.mean_lx});

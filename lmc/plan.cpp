@@ -15,11 +15,20 @@ namespace {
 
 Step automatic(Effect effect, const Facts& f) {
   const std::uint32_t punctual = f.pointLights + f.spotLights + f.directionalLights;
+  const bool faces = f.blockers > 0 && f.shape != Shape::Flat && f.shape != Shape::SeenFromOutside;  // surfaces may see one another
   const auto step = [&](bool run, std::string because) { return Step{effect, run, std::move(because), run}; };
   const auto onlyIfAsked = [&](std::string because) { return Step{effect, false, std::move(because), true}; };
   if (effect == Effect::Tangents)
     return f.tangentMaterials > 0 ? step(true, fmt::format("{} materials have normal maps or the like", f.tangentMaterials))
                                   : step(false, "no material has a normal map");
+  if (effect == Effect::Specular) {
+    if (punctual + f.dynamicLights == 0) return step(false, "no light of a renderer");
+    return f.shinyMaterials > 0 ? step(true, fmt::format("a renderer's: {} materials shine", f.shinyMaterials))
+                                : step(false, "no material shines");
+  }
+  if (effect == Effect::ScreenAo)
+    return f.ambient ? onlyIfAsked("a renderer's, not asked for (shade --ao screen)")
+                     : step(false, "no ambient light, which is all that it darkens");
   if (f.receivers == 0) return step(false, "no object has a place in the light map");
   switch (effect) {
     case Effect::Direct:
@@ -29,7 +38,7 @@ Step automatic(Effect effect, const Facts& f) {
     case Effect::Shadow:
       if (punctual + f.emissiveTriangles == 0) return step(false, "no light that could be blocked but the sky");
       if (f.blockers == 0) return step(false, "nothing casts a shadow");
-      if (f.shape == Shape::Flat || f.shape == Shape::SeenFromOutside) return onlyIfAsked("no surface stands in front of another");
+      if (!faces) return onlyIfAsked("no surface stands in front of another");
       if (f.shape == Shape::SeenFromInside && f.lampsInFront)
         return onlyIfAsked("the level is convex and all lamps are in it: nothing stands in between");
       return step(true, fmt::format("{} triangles cast shadows", f.blockers));
@@ -42,16 +51,26 @@ Step automatic(Effect effect, const Facts& f) {
       if (!f.lit()) return step(false, "no light to bounce");
       if (f.largestReflectance <= 0.0f) return step(false, "every surface has albedo 0");
       if (f.blockers == 0) return step(false, "no surface that light could come back from");
-      if (f.shape == Shape::Flat || f.shape == Shape::SeenFromOutside) return onlyIfAsked("no surface faces another");
+      if (!faces) return onlyIfAsked("no surface faces another");
       return step(true, fmt::format("surfaces reflect up to {:.3g}", f.largestReflectance));
     case Effect::Ao:
       if (f.blockers == 0) return step(false, "nothing casts a shadow: all is open");
-      if (f.shape == Shape::Flat || f.shape == Shape::SeenFromOutside)
-        return onlyIfAsked("no surface stands in front of another: all is open");
+      if (!faces) return onlyIfAsked("no surface stands in front of another: all is open");
       return f.lit() ? step(true, "the level has light") : onlyIfAsked("no light");
     case Effect::Bent:
       return f.blockers == 0 ? step(false, "nothing casts a shadow: they are the normals") : onlyIfAsked("not asked for (--bent)");
+    case Effect::Near:
+      return step(true, "what is nearer than a patch is wide is evaluated at the place");
+    case Effect::Colour:
+      if (!f.lit()) return step(false, "no light");
+      return f.grey ? step(false, "lights and surfaces are grey: one channel says all") : step(true, "lights or surfaces have colours");
+    case Effect::Alpha:
+      if (f.maskedMaterials == 0) return step(false, "no material has holes (MASK)");
+      return f.holedMaterials > 0 ? step(true, fmt::format("{} materials have holes", f.holedMaterials))
+                                  : onlyIfAsked("no alpha is below its cut-off: nothing has a hole");
     case Effect::Tangents:
+    case Effect::Specular:
+    case Effect::ScreenAo:
       break;
     case Effect::Seams:
       if (!f.lit()) return step(false, "no light that could show a seam");
@@ -68,13 +87,27 @@ std::optional<Effect> effectNamed(std::string_view name) {
   return std::nullopt;
 }
 
-/// The weakest first, as long as all that is left out fits.
+/// Manners of what does not run do not run.
+void leaveOutManners(Plan& plan, bool countedBounces) {
+  const auto without = [&](Effect effect, const char* because) {
+    Step& step = plan.steps[std::size_t(effect)];
+    if (!step.run) return;
+    step.run = step.possible = false;
+    step.because = because;
+  };
+  if (!plan.runs(Effect::Bounce)) without(Effect::Near, "no bounces");
+  if (countedBounces) without(Effect::Near, "--passes counts bounces, and it would add one");
+  if (!plan.anything()) without(Effect::Alpha, "nothing is simulated");
+}
+
+/// The weakest first, as long as all that is left out fits; what is part of the bounces after them.
 void leaveOutWeak(Plan& plan, const std::vector<std::optional<bool>>& wish, double goal) {
   std::vector<Step*> weak;
   for (Step& step : plan.steps)
     if (step.run && step.light.known && !wish[std::size_t(step.effect)]) weak.push_back(&step);
-  std::ranges::stable_sort(weak, {}, [](const Step* s) { return s->light.bound; });
+  std::ranges::stable_sort(weak, {}, [](const Step* s) { return std::pair(s->effect == Effect::Near, s->light.bound); });
   for (Step* step : weak) {
+    if (step->effect == Effect::Near && !plan.runs(Effect::Bounce)) continue;
     const double level = plan.leftOut + step->light.bound, object = plan.leftOutObject + step->light.object;
     if (level > kLeftOutShare * goal || object > kLeftOutShare * kObjectLimit * goal) continue;
     plan.leftOut = level;
@@ -104,7 +137,8 @@ Plan makePlan(const PlanRequest& request, const Facts& facts) {
       at = comma + 1;
     }
     const bool changes = !words[0].empty() && (words[0][0] == '+' || words[0][0] == '-');
-    if (!changes) std::ranges::fill(wish, std::optional(false));
+    for (std::size_t i = 0; !changes && i < kEffects; ++i)
+      if (!isManner(Effect(i))) wish[i] = false;
     for (const std::string& word : words) {
       const bool signedWord = !word.empty() && (word[0] == '+' || word[0] == '-');
       const auto effect = effectNamed(std::string_view(word).substr(signedWord ? 1 : 0));
@@ -123,7 +157,9 @@ Plan makePlan(const PlanRequest& request, const Facts& facts) {
     step.run = *w;
     step.because = "--effects " + effects;
   }
+  leaveOutManners(plan, request.countedBounces);
   leaveOutWeak(plan, wish, request.goal);
+  leaveOutManners(plan, request.countedBounces);
   return plan;
 }
 
@@ -166,7 +202,13 @@ Cost costOf(Effect effect, const Plan& plan, const Pilot& pilot) {
       return plan.runs(Effect::Ao) ? Cost{{}, Effect::Ao} : Cost{pilot.occlude, {}};
     case Effect::Seams:
       return {pilot.seams, {}};
+    case Effect::Near:
+      return {{}, Effect::Bounce};
     case Effect::Tangents:
+    case Effect::Colour:
+    case Effect::Alpha:
+    case Effect::Specular:
+    case Effect::ScreenAo:
       break;
   }
   return {};

@@ -28,17 +28,18 @@ struct Plan {
       if (s.effect == e) return s.run;
     return false;
   }
-  /// Whether anything is simulated: tangents need neither ray nor map.
+  /// Whether anything is simulated.
   bool anything() const {
     for (const Step& s : steps)
-      if (s.run && s.effect != Effect::Tangents) return true;
+      if (s.run && isSimulated(s.effect)) return true;
     return false;
   }
 };
 
 struct PlanRequest {
-  std::string effects = "auto";  ///< "auto", a list (exactly these), or changes to auto ("+sky,-bounce")
+  std::string effects = "auto";  ///< "auto", a list (exactly these, each in the manner that the level calls for), or changes to auto
   double goal = 0.02;            ///< relative RMS error asked for
+  bool countedBounces = false;   ///< --passes: no light may come that has bounced more often
 };
 
 /// An effect runs when it is asked for, or when the level calls for it: when it can do anything at all, by the facts, and when its bound,

@@ -30,6 +30,11 @@ std::vector<std::string_view> stagesOf(Effect effect) {
     case Effect::Seams:
       return {"seams"};
     case Effect::Tangents:
+    case Effect::Near:
+    case Effect::Colour:
+    case Effect::Alpha:
+    case Effect::Specular:
+    case Effect::ScreenAo:
       break;
   }
   return {};
@@ -146,10 +151,13 @@ Json factsOf(const Bake& b) {
       {"receivers", f.receivers},
       {"blockers", f.blockers},
       {"masked_triangles", f.maskedTriangles},
+      {"masked_materials", f.maskedMaterials},
+      {"materials_with_holes", f.holedMaterials},
       {"mirrored_objects", f.mirroredObjects},
       {"dynamic_meshes", f.dynamicMeshes},
       {"tangent_materials", f.tangentMaterials},
-      {"metallic_materials", f.shinyMaterials},
+      {"shining_materials", f.shinyMaterials},
+      {"ambient", f.ambient},
       {"largest_reflectance", f.largestReflectance},
       {"shape", shapeName(f.shape)},
       {"lamps_in_front", f.lampsInFront}};
@@ -167,7 +175,7 @@ Json factsOf(const Bake& b) {
 }
 
 std::string planText(const Bake& b, const std::vector<StageTime>& stages) {
-  std::string out = fmt::format("{:<8} {:<5} {:>8} {:>8} {:>8} {:>16} {:>8}  {}\n", "effect", "runs", "share", "bound", "object", "CPU s",
+  std::string out = fmt::format("{:<9} {:<5} {:>8} {:>8} {:>8} {:>16} {:>8}  {}\n", "effect", "runs", "share", "bound", "object", "CPU s",
                                 "rays", "because");
   for (const Step& s : b.plan.steps) {
     std::string share = "-", bound = "-", object = "-", cpu = "-", rays = "-";
@@ -185,7 +193,7 @@ std::string planText(const Bake& b, const std::vector<StageTime>& stages) {
         cpu = fmt::format("with {}", nameOf(*c.with));
       }
     }
-    out += fmt::format("{:<8} {:<5} {:>8} {:>8} {:>8} {:>16} {:>8}  {}\n", nameOf(s.effect), s.run ? "run" : "skip", share, bound, object,
+    out += fmt::format("{:<9} {:<5} {:>8} {:>8} {:>8} {:>16} {:>8}  {}\n", nameOf(s.effect), s.run ? "run" : "skip", share, bound, object,
                        cpu, rays, s.because);
   }
   const Facts& f = b.facts;

@@ -52,16 +52,17 @@ void Progress::clearBar() {
 void Progress::begin(const std::string& stage, double before, double share) {
   const std::lock_guard lock(mutex_);
   stage_ = stage;
-  before_ = before;
+  before_ = done_ = before;
   share_ = share;
 }
 
 void Progress::update(double shareOfStage) {
   const std::lock_guard lock(mutex_);
+  done_ = before_ + share_ * shareOfStage;
   if (kind_ != ProgressKind::Bar && kind_ != ProgressKind::Json) return;
   if (since(lastShown_) < 0.1) return;
   lastShown_ = Clock::now();
-  const double done = before_ + share_ * shareOfStage, elapsed = since(start_);
+  const double done = done_, elapsed = since(start_);
   const double left = done > 0.02 ? elapsed * (1.0 - done) / done : -1.0;
   if (kind_ == ProgressKind::Json) {
     tell(fmt::format(
@@ -96,6 +97,11 @@ void Progress::say(const std::string& text) {
     tell(fmt::format("{}\n", nlohmann::json{{"message", text}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)));
   else
     tell(fmt::format("{}\n", text));
+}
+
+double Progress::done() {
+  const std::lock_guard lock(mutex_);
+  return done_;
 }
 
 }  // namespace lmc

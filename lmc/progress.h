@@ -32,12 +32,14 @@ class Progress {
   void update(double shareOfStage);  ///< thread-safe
   void end(const StageTime&);
   void say(const std::string& line);  ///< a message; does not tear the bar
+  double done();                      ///< share of the job
+
  private:
   void clearBar();
   ProgressKind kind_;
   std::mutex mutex_;
   std::string stage_;
-  double before_ = 0.0, share_ = 0.0;
+  double before_ = 0.0, share_ = 0.0, done_ = 0.0;
   bool barShown_ = false;
   std::chrono::steady_clock::time_point start_, lastShown_;
 };

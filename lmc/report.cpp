@@ -212,6 +212,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     rays[kPurposeNames[p]] =
         (b.tracer ? b.tracer->rays(Purpose(p)) - b.pilotRays[p] : 0) + (Purpose(p) == Purpose::Occlusion ? b.occlusionRaysBefore : 0);
   r["rays"] = rays;
+  r["alpha_tests"] = b.tracer ? b.tracer->holeTests() : 0;
   // Seconds by light: the direct stage's, by rays.
   double directSeconds = 0.0;
   for (const StageTime& t : spoken.stages) directSeconds += t.name == "direct" ? t.seconds : 0.0;

@@ -1,7 +1,10 @@
 #include "lmc/shade.h"
 
+#include <fmt/format.h>
+
 #include "libscene/parallel.h"
 #include "lmc/bake.h"
+#include "lmc/progress.h"
 #include "lmc/shade_level.h"
 #include "lmc/shade_picture.h"
 #include "shaders/oracle.h"
@@ -40,7 +43,12 @@ Exit shade(const ShadeOptions& options) {
   view.encode = !linear;
   view.lightMap = options.lightMap;
   view.bakedAo = options.bakedAo;
-  view.screenAo = options.screenAo || options.view == "screen-ao";
+  const bool darkens = shaders::hasAmbient(loaded.level);
+  if (options.screenAo && !darkens)
+    tell(fmt::format("{}\n",
+                     line("note", options.out.string(), "",
+                          "has no ambient light, which is all that screen-space occlusion darkens: it is left out", "LMC_NO_AMBIENT")));
+  view.screenAo = (options.screenAo && darkens) || options.view == "screen-ao";
   view.normalMaps = options.normalMaps;
   const Looked looked = lookedAt(options.view);
   view.only = looked.target;

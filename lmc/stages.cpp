@@ -10,7 +10,9 @@
 #include "libradiosity/slopes.h"
 #include "libscene/exr.h"
 #include "libscene/files.h"
+#include "libscene/journal.h"
 #include "libscene/parallel.h"
+#include "libscene/texture.h"
 #include "lmc/ao.h"
 #include "lmc/explain.h"
 #include "lmc/pilot.h"
@@ -32,6 +34,8 @@ constexpr int kLargestMap = 16384;
 // Of the memory that may be held: from there on what can go goes. What comes in meanwhile, and what stacks take, has the rest.
 constexpr double kHeldShare = 0.93;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
+
+Plan planFor(const Bake& b) { return makePlan({b.options.effects, b.options.goal, b.options.passes > 0}, b.facts); }
 
 }  // namespace
 
@@ -59,12 +63,26 @@ void chooseLightUnit(Bake& b) {
   for (Material& m : b.scene.materials) inUnits(m.emission);
 }
 
+void makeGrey(Scene& scene) {
+  if (scene.grey) return;
+  scene.grey = true;
+  const auto byLuminance = [](Rgb& c) { c = Rgb(luminance(c)); };
+  byLuminance(scene.sky);
+  for (Light& l : scene.lights) byLuminance(l.intensity);
+  for (Material& m : scene.materials)
+    if (!m.emissionTexture) byLuminance(m.emission);
+}
+
 /// What does not run is not there for the stages that follow.
 void dropWhatDoesNotRun(Bake& b) {
   if (!b.plan.runs(Effect::Direct)) b.scene.lights.clear();
   if (!b.plan.runs(Effect::Sky)) b.scene.sky = Rgb(0.0f);
   if (!b.plan.runs(Effect::Area))
     for (Material& m : b.scene.materials) m.emission = Rgb(0.0f);
+  if (!b.plan.runs(Effect::Alpha))
+    for (Material& m : b.scene.materials)
+      if (m.alpha == Material::Alpha::Mask) m.alpha = Material::Alpha::Opaque;
+  if (!b.plan.runs(Effect::Colour) && !b.facts.grey) makeGrey(b.scene);
 }
 
 }  // namespace
@@ -72,7 +90,7 @@ void dropWhatDoesNotRun(Bake& b) {
 void plan(Bake& b) {
   chooseLightUnit(b);
   b.facts = factsOf(b.scene);
-  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);
+  b.plan = planFor(b);
   for (const Step& s : b.plan.steps)
     b.summary += fmt::format("{}{}{}", b.summary.empty() ? "" : " ", s.run ? "+" : "-", kEffectNames[std::size_t(s.effect)]);
   dropWhatDoesNotRun(b);
@@ -154,7 +172,7 @@ void charts(Bake& b) {
     b.seams = findSeams(b.scene);
     b.facts.smoothSeams = b.seams.smooth.size();
   }
-  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);  // what seams there are is known now
+  b.plan = planFor(b);  // what seams there are is known now
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
   b.summary = fmt::format("{}{} x {}, {} charts, {} texels covered", b.uv.maps == 1 ? "" : fmt::format("{} maps of ", b.uv.maps), side,
                           side, b.charts.count, covered);
@@ -182,7 +200,7 @@ void pilot(Bake& b) {
   }
   b.facts.pilot = runPilot(b);
   for (std::size_t p = 0; p < b.pilotRays.size(); ++p) b.pilotRays[p] = b.tracer->rays(Purpose(p));
-  b.plan = makePlan({b.options.effects, b.options.goal}, b.facts);
+  b.plan = planFor(b);
   dropWhatDoesNotRun(b);
   const Forecast all = forecastOf(b.plan, *b.facts.pilot);
   b.summary = fmt::format("{:.2g} CPU s foretold ({:.2g} to {:.2g}), {:.3g} M rays", all.cpu_s, all.least_s, all.most_s, all.rays / 1e6);
@@ -278,6 +296,18 @@ Solver solverFor(const Bake& b) {
   return dense ? Solver::Dense : Solver::Stored;
 }
 
+/// A solution that takes as long as its patches are many.
+template <class Archive>
+void keep(Solution& s, std::size_t patches, Archive& archive) {
+  s.illuminance.resize(patches);
+  for (Rgb& e : s.illuminance) archive(e);
+  archive(s.energy);
+  archive(s.stop);
+  archive(s.passes);
+  archive(s.tail);
+  archive(s.tailEstimate);
+}
+
 void solveDensely(Bake& b) {
   const FormFactors f = computeFormFactors(b.scene, *b.tracer, b.patches, b.run);
   b.closureError = f.closureError;
@@ -294,7 +324,19 @@ void solveByStoredRays(Bake& b) {
   for (std::uint32_t half = 0; half < 2; ++half) {
     const Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
     options.stream = half;
-    StoredSolution s = solveStored(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    StoredSolution s;
+    Journaled kept(
+        part, *b.tracer, {Loop::Solve, half, 0},
+        [&](auto& archive) {
+          keep(s.solution, b.patches.patches.size(), archive);
+          archive(s.bytes);
+          archive(s.closureError);
+        },
+        WorkOf::All);
+    if (!kept.taken()) {
+      s = solveStored(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+      kept.put();
+    }
     b.closureError = s.closureError;
     b.storedBytes += s.bytes;
     b.solutions[half] = std::move(s.solution);
@@ -348,8 +390,14 @@ void solveByShooting(Bake& b) {
                  {{"R", &E[0].r, 3}, {"G", &E[0].g, 3}, {"B", &E[0].b, 3}}, {{"lmcScale", scale * float(b.lightUnit)}});
         set.commit();
       };
-    const Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
-    b.solutions[half] = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    Run part = b.run.part(0.5 * half, 0.5 * (half + 1));
+    if (b.options.snapshot) part.journal = nullptr;  // its pictures are wanted
+    Solution& s = b.solutions[half];
+    Journaled kept(
+        part, *b.tracer, {Loop::Solve, half, 0}, [&](auto& archive) { keep(s, b.patches.patches.size(), archive); }, WorkOf::All);
+    if (kept.taken()) continue;
+    s = shoot(b.scene, *b.tracer, b.patches, b.patchLight, options, part);
+    kept.put();
   }
   b.summary = fmt::format("shooting, {} passes, tail at most {:.2g}", b.solutions[0].passes, b.tail());
 }
@@ -420,7 +468,7 @@ void hemisphere(Bake& b) {
     b.summary = "no sky and no bounces";
     return;
   }
-  const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.options.passes == 0, b.run.seed);
+  const Gather gather(b.scene, *b.tracer, *b.direct, b.field.get(), b.plan.runs(Effect::Near), b.run.seed);
   bakeHemisphere(b.map, b.scene, *b.texels, *b.tracer, gather,
                  {.goal = b.options.goal,
                   .interpolate = b.options.interpolate,

@@ -229,6 +229,7 @@ class Study {
     BakeOptions bake = o_.bake;
     bake.goalIsExplicit = bake.ao.errorIsExplicit = false;  // a goal that is missed is what a study is to show
     bake.json = false;
+    bake.resume = false;  // the table says what a whole bake costs
     bake.depfile.clear();
     knob_.set(bake, value);
     const std::string label = knob_.label(value), key = keyOf(bake, "");

@@ -85,6 +85,7 @@ struct Reference::State {
   GlContext gl;
   GlLevel meshes;
   std::map<std::pair<std::size_t, std::filesystem::path>, GlProgram> programs;  ///< by pass and the user's folder
+  int lightsDrawn = 0;                                                          ///< of the last picture
 
   const GlProgram& use(Pass, const ShaderChoice&);
   Buffers makeBuffers(int width, int height);
@@ -233,8 +234,13 @@ void Reference::State::lights(const View& view, const ShaderChoice& choice, cons
   }
   gl.Enable(GL_BLEND);
   gl.BlendFunc(GL_ONE, GL_ONE);
-  for (const ShadedLight& l : level.lights)
-    if (isLit(view, l.light.kind)) light(l, view, choice, lens, b);
+  lightsDrawn = 0;
+  for (const ShadedLight& l : level.lights) {
+    // What a user's shader makes of it is to be seen.
+    if (!isLit(view, l.light.kind) || (choice.folder.empty() && addsNothing(level, maps, view, l))) continue;
+    light(l, view, choice, lens, b);
+    ++lightsDrawn;
+  }
   gl.Disable(GL_BLEND);
   gl.Disable(GL_DEPTH_TEST);
   gl.Disable(GL_CULL_FACE);
@@ -335,6 +341,7 @@ Frame Reference::render(const View& view, const ShaderChoice& choice) {
   Frame out;
   out.width = view.width;
   out.height = view.height;
+  out.lightsDrawn = s.lightsDrawn;
   out[Target::Radiance] = s.read(b.radiance, 0, b);
   out.exposure = view.exposure > 0.0 ? view.exposure : exposureFor(out[Target::Radiance]);
   s.toneMap(view, choice, out.exposure, b);

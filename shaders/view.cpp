@@ -90,4 +90,18 @@ glm::dmat3 normalMatrix(const glm::dmat4& world) {
   return {sign * glm::cross(m[1], m[2]), sign * glm::cross(m[2], m[0]), sign * glm::cross(m[0], m[1])};
 }
 
+bool hasAmbient(const ShadingLevel& level) {
+  return level.scene.ambient != Rgb(0.0f) || std::ranges::any_of(level.lights, [](const ShadedLight& l) { return l.ambient != Rgb(0.0f); });
+}
+
+bool addsNothing(const ShadingLevel& level, const LevelMaps& maps, const View& view, const ShadedLight& light) {
+  if (!light.baked) return false;
+  const bool shineless = light.specular == Rgb(0.0f) || light.specularIntensity == 0.0;
+  for (std::size_t o = 0; o < level.scene.objects.size(); ++o)
+    if (isDrawn(level, view, o) &&
+        (!hasMap(level, maps, view, o) || !(shineless || !level.scene.materials[level.scene.objects[o].material].shines)))
+      return false;
+  return true;
+}
+
 }  // namespace lmc::shaders

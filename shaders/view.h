@@ -63,6 +63,7 @@ struct View {
 struct Frame {
   int width = 0, height = 0;
   double exposure = 1.0;  ///< that the picture has
+  int lightsDrawn = 0;    ///< by the passes
   std::array<Image<glm::vec4>, kTargetNames.size()> targets;
   Image<glm::vec4>& operator[](Target t) { return targets[std::size_t(t)]; }
   const Image<glm::vec4>& operator[](Target t) const { return targets[std::size_t(t)]; }
@@ -98,6 +99,12 @@ inline bool hasNormalMap(const ShadingLevel& level, const View& view, std::size_
   const Look& look = level.looks[o.material];
   return view.normalMaps && look.normalTexture && (look.objectSpaceNormals || level.tangents[o.firstVertex] != glm::vec4(0.0f));
 }
+
+/// There is light that openness darkens.
+bool hasAmbient(const ShadingLevel&);
+
+/// The light maps hold all of the light that there is, and no surface shines: its pass would add nothing.
+bool addsNothing(const ShadingLevel&, const LevelMaps&, const View&, const ShadedLight&);
 
 /// Surfaces that a deferred renderer draws: opaque ones and those with holes.
 inline bool isDrawn(const ShadingLevel& level, const View& view, std::size_t object) {

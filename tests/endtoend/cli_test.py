@@ -46,11 +46,13 @@ def write_glb(path, doc, rest):
 
 
 def content(folder):
-    """{path: bytes} of all files below a folder; None when there is no folder."""
+    """{path: bytes} of all files below a folder, but for the journal that a bake goes on from (resume_test.py); None when there is no folder."""
     if not os.path.isdir(folder):
         return None
     out = {}
-    for root, _, files in os.walk(folder):
+    for root, folders, files in os.walk(folder):
+        if ".lmc-resume" in folders:
+            folders.remove(".lmc-resume")
         for name in files:
             path = os.path.join(root, name)
             with open(path, "rb") as f:

@@ -126,7 +126,70 @@ class Test:
         self.weakly('direct', write(room(make, 'faint_lamp', lamp=0.2, panel=400.0, column=True)), both, ['shadow'], 'too little')
         self.weakly('area', write(room(make, 'faint_panel', panel=0.05, column=True)), both, ['emitter'], 'too little')
         self.weakly('sky', write(room(make, 'faint_sky', sky=0.01, open_top=True, column=True)), write(room(make, 'bright_sky', sky=40.0, open_top=True, column=True)), [], 'too little')
+        self.exactly('near', write(room(make, 'pitch', albedo=0.0, column=True)), lit, ['near'], 'no bounces')
+        self.weakly('near', write(room(make, 'dim', albedo=0.045, column=True)), lit, ['near'], 'too little')
         self.weakly('bounce', write(room(make, 'nearly_black', albedo=0.01, column=True)), lit, ['gather', 'shoot', 'exposure'], 'too little')
+
+    def manners(self):
+        """Colour, holes of masked materials, highlights and screen-space occlusion: what is skipped is not done, and where it gives nothing the bytes are the same."""
+        make, write = self.make, self.write
+
+        def level(name, change):
+            made = room(make, name, column=True)
+            change(made)
+            return write(made)
+
+        def baked(file, effects):
+            out, report = self.bake(file, f'{file.stem}.{effects}', '--effects', effects)
+            return out, report, self.steps(report)
+
+        grey = level('grey', lambda l: None)
+        red = level('red', lambda l: l.material('wall', (0.6, 0.3, 0.2)))
+        plain, _, steps = baked(grey, '-ao')
+        self.expect(not steps['colour']['run'] and 'grey' in steps['colour']['because'], f'colour: {steps["colour"]}')
+        self.expect(all(r == g == b for r, g, b in self.texels(plain)), 'a grey level has a colour')
+        coloured, _, steps = baked(red, '-ao')
+        self.expect(steps['colour']['run'], f'colour is skipped: {steps["colour"]}')
+        without, _, steps = baked(red, '-ao,-colour')
+        self.expect(not steps['colour']['run'], 'colour cannot be left out')
+        a, b = self.texels(coloured), self.texels(without)
+        self.expect(any(r > 1.1 * v for r, _, v in a), 'red walls leave no trace')
+        self.expect(all(r == g == v for r, g, v in b), 'without colour there is one')
+        y = [0.2126 * r + 0.7152 * g + 0.0722 * v for r, g, v in a]
+        # Of each bounce the luminance of red walls under red light is more than the product of both: 0.31 of 0.6, 0.3, 0.2 by luminance, and bounces are a part.
+        change = math.sqrt(sum((p - q[0]) ** 2 for p, q in zip(y, b)) / len(y)) / (sum(y) / len(y))
+        self.expect(0.0 < change < 0.1, f'luminance without colour is off by {change}')
+
+        whole = level('whole', lambda l: l.materials['wall'].update(alphaMode='MASK', alphaCutoff=0.5))
+        def hole(l):
+            l.material('lace', (0.6, 0.6, 0.6), alphaMode='MASK', alphaCutoff=0.5)
+            l.materials['lace']['pbrMetallicRoughness']['baseColorFactor'][3] = 0.25
+            l.objects[[name for name, _ in l.objects].index('column')] = ('column', 'lace')
+        holed = level('holed', hole)
+        skipped, report, steps = baked(whole, '-ao')
+        self.expect(not steps['alpha']['run'] and 'hole' in steps['alpha']['because'] and report['alpha_tests'] == 0, f'alpha: {steps["alpha"]}, {report["alpha_tests"]} tests')
+        forced, report, steps = baked(whole, '-ao,+alpha')
+        self.expect(steps['alpha']['run'] and report['alpha_tests'] > 0, 'alpha cannot be forced')
+        self.expect((skipped / 'lightmap.exr').read_bytes() == (forced / 'lightmap.exr').read_bytes(), 'whole surfaces with alpha looked at have other bytes')
+        open_, report, steps = baked(holed, '-ao')
+        self.expect(steps['alpha']['run'] and report['alpha_tests'] > 0, f'alpha is skipped: {steps["alpha"]}')
+        closed, report, _ = baked(holed, '-ao,-alpha')
+        self.expect(report['alpha_tests'] == 0, 'alpha is left out, and looked at')
+        self.expect(sum(map(sum, self.texels(open_))) > 1.005 * sum(map(sum, self.texels(closed))), 'a column that is all hole hides as much as a whole one')
+
+        def shiny(l):
+            l.materials['wall']['pbrMetallicRoughness']['roughnessFactor'] = 0.3
+        for file, runs, because in ((grey, False, 'no material shines'), (level('shiny', shiny), True, 'shine'),
+                                    (level('lampless', lambda l: (shiny(l), l.lights.clear())), False, 'no light')):
+            step = {s['effect']: s for s in json.loads(self.run('plan', file, '--json').stdout)['plan']}
+            self.expect(step['specular']['run'] == runs and because in step['specular']['because'], f'{file.stem}: {step["specular"]}')
+            self.expect(not step['screen-ao']['run'] and 'ambient' in step['screen-ao']['because'], f'{file.stem}: {step["screen-ao"]}')
+        # A baked level whose surfaces do not shine: screen-space occlusion has nothing to darken, and is left out with a note.
+        pictures = [self.out / f'shade.{how}.png' for how in ('baked', 'both')]
+        for picture, how in zip(pictures, ('baked', 'both')):
+            r = self.run('shade', plain, '-o', picture, '--ao', how, '--width', 64, '--height', 48)
+            self.expect(('LMC_NO_AMBIENT' in r.stderr) == (how == 'both'), f'shade --ao {how}: {r.stderr}')
+        self.expect(pictures[0].read_bytes() == pictures[1].read_bytes(), 'screen-space occlusion without ambient light changes the picture')
 
     def planes(self):
         """One plane: neither shadows nor bounces, and the same bytes with both forced on."""
@@ -201,6 +264,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         test = Test(a, folder)
         test.pairs()
+        test.manners()
         test.planes()
         test.words()
         test.explained()

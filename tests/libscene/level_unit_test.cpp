@@ -278,6 +278,23 @@ TEST(Level, MaterialsKeepWhatDecidesAboutDiffuseLight) {
   EXPECT_EQ(m.metallic, 1.0f);
 }
 
+TEST(Level, MaterialsShineWhereTheShadersGiveThemHighlights) {
+  using Json = nlohmann::json;
+  const auto shines = [](const Json& pbr, const Json& more = Json::object()) {
+    Folder folder;
+    Builder b = squareLevel();
+    b.json["extensionsUsed"] = {"KHR_materials_specular"};
+    b.json["materials"][0] = {{"pbrMetallicRoughness", pbr}};
+    b.json["materials"][0].update(more);
+    return load(b.save(folder)).materials[0].shines;
+  };
+  const Json rough = {{"metallicFactor", 0}}, smooth = {{"metallicFactor", 0}, {"roughnessFactor", 0.5}};
+  EXPECT_FALSE(shines(rough));
+  EXPECT_TRUE(shines(smooth));
+  EXPECT_TRUE(shines(Json::object())) << "metallicFactor is 1 where it is not said";
+  EXPECT_FALSE(shines(smooth, {{"extensions", {{"KHR_materials_specular", {{"specularFactor", 0}}}}}}));
+}
+
 TEST(Level, ALevelWithoutTrianglesIsEmptyAndSaysSo) {
   Folder folder;
   Heard heard;

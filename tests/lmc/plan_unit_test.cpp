@@ -71,6 +71,49 @@ TEST(Plan, EffectsCanBeListedOrChanged) {
   EXPECT_THROW(makePlan({""}, room()), Error);
 }
 
+TEST(Plan, MannersFollowWhatRunsAndTheLevel) {
+  Facts f = room();
+  f.grey = false;
+  Plan p = makePlan({"auto"}, f);
+  EXPECT_TRUE(p.runs(Effect::Near));
+  EXPECT_TRUE(p.runs(Effect::Colour));
+  EXPECT_FALSE(p.runs(Effect::Alpha));
+  EXPECT_FALSE(p.runs(Effect::Specular));
+  EXPECT_FALSE(p.runs(Effect::ScreenAo));
+  EXPECT_EQ(makePlan({"-bounce"}, f).steps[std::size_t(Effect::Near)].because, "no bounces");
+  EXPECT_FALSE(makePlan({"auto", 0.02, true}, f).runs(Effect::Near)) << "bounces are counted";
+  EXPECT_FALSE(makePlan({"-near"}, f).runs(Effect::Near));
+  f.grey = true;
+  EXPECT_FALSE(makePlan({"auto"}, f).runs(Effect::Colour));
+  f.maskedMaterials = 2;
+  EXPECT_FALSE(makePlan({"auto"}, f).runs(Effect::Alpha)) << "nothing has a hole";
+  EXPECT_TRUE(makePlan({"+alpha"}, f).runs(Effect::Alpha));
+  f.holedMaterials = 1;
+  EXPECT_TRUE(makePlan({"auto"}, f).runs(Effect::Alpha));
+  f.shinyMaterials = 1;
+  f.ambient = true;
+  p = makePlan({"+screen-ao"}, f);
+  EXPECT_TRUE(p.runs(Effect::Specular));
+  EXPECT_TRUE(p.runs(Effect::ScreenAo));
+  f.pointLights = 0;
+  EXPECT_FALSE(makePlan({"auto"}, f).runs(Effect::Alpha)) << "nothing is simulated";
+  EXPECT_FALSE(makePlan({"auto"}, f).runs(Effect::Specular));
+}
+
+TEST(Plan, AListDoesNotSpeakOfManners) {
+  Facts f = room();
+  f.grey = false;
+  f.maskedMaterials = f.holedMaterials = 1;
+  Plan p = makePlan({"direct,bounce"}, f);
+  EXPECT_FALSE(p.runs(Effect::Shadow));
+  EXPECT_TRUE(p.runs(Effect::Near));
+  EXPECT_TRUE(p.runs(Effect::Colour));
+  EXPECT_TRUE(p.runs(Effect::Alpha));
+  p = makePlan({"direct"}, f);
+  EXPECT_FALSE(p.runs(Effect::Near));
+  EXPECT_TRUE(p.runs(Effect::Colour));
+}
+
 Contribution worth(double bound, double object) {
   Contribution c;
   c.known = true;
@@ -129,6 +172,22 @@ TEST(Plan, KeepsWhatOneObjectLivesBy) {
   EXPECT_TRUE(makePlan({"auto", 0.02}, f).runs(Effect::Bounce));
   f.pilot->effects[std::size_t(Effect::Bounce)] = worth(0.001, 0.0149);
   EXPECT_FALSE(makePlan({"auto", 0.02}, f).runs(Effect::Bounce));
+}
+
+TEST(Plan, WhatIsPartOfTheBouncesCountsOnce) {
+  Facts f = room();
+  f.pilot.emplace();
+  f.pilot->effects[std::size_t(Effect::Bounce)] = worth(0.004, 0.004);
+  f.pilot->effects[std::size_t(Effect::Near)] = worth(0.002, 0.002);
+  Plan p = makePlan({"auto", 0.02}, f);  // 0.005 to spare
+  EXPECT_FALSE(p.runs(Effect::Bounce));
+  EXPECT_FALSE(p.runs(Effect::Near));
+  EXPECT_DOUBLE_EQ(p.leftOut, 0.004);
+  f.pilot->effects[std::size_t(Effect::Bounce)] = worth(0.4, 0.4);
+  p = makePlan({"auto", 0.02}, f);
+  EXPECT_TRUE(p.runs(Effect::Bounce));
+  EXPECT_FALSE(p.runs(Effect::Near));
+  EXPECT_DOUBLE_EQ(p.leftOut, 0.002);
 }
 
 TEST(Plan, ForetellsTheStagesThatRun) {

@@ -102,6 +102,28 @@ TEST(CheckScene, ReferenceAndOracleAgreeWithoutTheLightMapAndWithReinhardsCurve)
   expectAgreement(scene.level, scene.maps, scene.view, {Target::Normal, Target::Radiance, Target::Picture});
 }
 
+// Baked light is in the map; what is left of its lamps is highlights, which dull walls have not.
+TEST(Reference, DrawsNoPassForABakedLightThatAddsNothing) {
+  LoadedLevel loaded = loadForShader(std::filesystem::path(LMC_SOURCE_DIR) / "samples" / "two_rooms.glb", "", lmc::Run{});
+  ShadingLevel& level = loaded.level;
+  std::ranges::fill(level.marked, std::uint8_t(1));
+  for (ShadedLight& l : level.lights) l.baked = true;
+  loaded.maps.illuminance.emplace_back(8, 8, Rgb(100.0f));
+  shaders::View view;
+  view.camera = cameraFor(level.scene, "");
+  view.width = 64;
+  view.height = 48;
+  const Frame dull = shaders::Reference(level, loaded.maps).render(view);
+  EXPECT_EQ(dull.lightsDrawn, 0);
+  for (Material& m : level.scene.materials) m.shines = true;
+  const Frame drawn = shaders::Reference(level, loaded.maps).render(view);
+  EXPECT_EQ(drawn.lightsDrawn, int(level.lights.size()));
+  EXPECT_EQ(dull[Target::Radiance].pixels, drawn[Target::Radiance].pixels);
+  level.marked[0] = 0;
+  for (Material& m : level.scene.materials) m.shines = false;
+  EXPECT_GT(shaders::Reference(level, loaded.maps).render(view).lightsDrawn, 0) << "a surface without a map";
+}
+
 // Whether a place is hidden is yes or no, 1/32 each, and float and double differ where it is close: agreement is that of the mean.
 TEST(CheckScene, ScreenSpaceOcclusionAgreesButForCloseCases) {
   shaders::CheckScene scene = shaders::checkScene();
