@@ -22,7 +22,7 @@ struct Bench {
   std::unique_ptr<Tracer> tracer;
   Charts charts;
   std::unique_ptr<TexelMap> texels;
-  std::vector<std::uint32_t> chart;  ///< of the texels in those tiles
+  TexelArray<std::uint32_t> chart;  ///< of the texels in those tiles
   std::vector<RTCRay> rays;          ///< texel by texel
   std::unique_ptr<BareEmbree> bare;
 };
@@ -34,7 +34,7 @@ void makeRays() {
   std::size_t covered = 0;
   for (const std::uint32_t c : bench.chart) covered += c != kNone;
   const std::size_t step = std::max<std::size_t>(1, covered * kRaysPerTexel / kRays);
-  std::vector<std::uint32_t> chart(bench.chart.size(), kNone);
+  TexelArray<std::uint32_t> chart(bench.chart.size(), kNone);
   for (std::size_t t = 0; t < bench.texels->tileCount(); t += step) {
     const TexelTile tile = bench.texels->texels(t);
     for (std::uint32_t k = 0; k < kTile * kTile; ++k) {

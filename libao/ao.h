@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "libscene/run.h"
+#include "libscene/texel_array.h"
 #include "libscene/texels.h"
 #include "libscene/tracer.h"
 
@@ -32,15 +33,15 @@ struct Options {
 
 /// One entry a texel (rows from the top) or a vertex.
 struct Openness {
-  std::vector<float> cosine, uniform;  ///< [0, 1]; 0 where there is nothing to ask for
-  std::vector<float> error;            ///< standard error, the larger of both weightings', pooled over neighbours
+  TexelArray<float> cosine, uniform;  ///< [0, 1]; 0 where there is nothing to ask for
+  TexelArray<float> error;            ///< standard error, the larger of both weightings', pooled over neighbours
   /// 1 where a texel's middle lies inside a solid that stands on its surface, beside texels that see something: there openness is 0. Maps
   /// only.
-  std::vector<std::uint8_t> buried;
-  std::vector<glm::vec3> bent;  ///< unit, world: mean of the open directions, weighted by the cosine; the shading normal where none is
-                                ///< open; empty unless asked for
-  double rmsError = 0.0;        ///< the larger of both weightings', over all entries asked for
-  double darkShare = 0.0;       ///< of the entries asked for, those whose cosine openness is below 0.01
+  TexelArray<std::uint8_t> buried;
+  TexelArray<glm::vec3> bent;  ///< unit, world: mean of the open directions, weighted by the cosine; the shading normal where none is
+                               ///< open; empty unless asked for
+  double rmsError = 0.0;       ///< the larger of both weightings', over all entries asked for
+  double darkShare = 0.0;      ///< of the entries asked for, those whose cosine openness is below 0.01
   std::uint64_t asked = 0, rays = 0;  ///< entries; rays cast
 };
 
@@ -54,7 +55,7 @@ double foretellMap(const Scene&, const TexelMap&, std::span<const std::uint32_t>
 
 /// Cosine openness as a picture shows it: buried texels have that of the texels beside them, so that no dark rim runs along the foot of a
 /// wall. One entry a texel.
-std::vector<float> withoutRims(const Openness&, std::span<const std::uint32_t> chart, int width);
+TexelArray<float> withoutRims(const Openness&, std::span<const std::uint32_t> chart, int width);
 
 /// Every vertex of a triangle: the mean over the triangles round it, weighted with its share of the barycentric weights. Vertices of equal
 /// position and normal are one, so that UV seams do not show.

@@ -67,7 +67,7 @@ std::uint64_t addressOf(std::uint64_t seed, std::uint32_t x, std::uint32_t y) {
   return combine(combine(seed, std::uint64_t(Draw::Openness)), (std::uint64_t(x) << 32) | y);
 }
 
-void unitAll(std::vector<glm::vec3>& directions) {
+void unitAll(std::span<glm::vec3> directions) {
   for (glm::vec3& d : directions)
     if (d != glm::vec3(0.0f)) d = glm::normalize(d);
 }

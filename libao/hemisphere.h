@@ -2,6 +2,7 @@
 /// Rays over the hemispheres of one texel's places, and what they found.
 #include <functional>
 #include <optional>
+#include <span>
 
 #include "libao/ao.h"
 #include "libao/directions.h"
@@ -74,7 +75,7 @@ class Hemisphere {
 /// What sums of open directions begin with, along the normal: it decides where nothing is open.
 inline constexpr float kNextToNothing = 1e-6f;
 /// Directions of any length become unit ones; zero stays.
-void unitAll(std::vector<glm::vec3>&);
+void unitAll(std::span<glm::vec3>);
 
 /// The address of a texel's or vertex's random numbers.
 std::uint64_t addressOf(std::uint64_t seed, std::uint32_t x, std::uint32_t y);

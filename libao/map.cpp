@@ -17,14 +17,18 @@ constexpr double kOpen = 0.05;    // beside less, a dark rim would hardly show
 constexpr double kDarker = 0.25;  // than the most open neighbour
 
 /// Blocks of texels of one chart.
-std::uint32_t makePools(std::span<const std::uint32_t> chart, int width, std::vector<std::uint32_t>& poolOf) {
-  std::unordered_map<std::uint64_t, std::uint32_t> known;
+std::uint32_t makePools(std::span<const std::uint32_t> chart, int width, std::span<std::uint32_t> poolOf) {
+  std::unordered_map<std::uint64_t, std::uint32_t> known;  // of the row of blocks
+  std::uint32_t pools = 0;
   for (std::size_t i = 0; i < chart.size(); ++i) {
+    if (i % (kPoolSide * std::size_t(width)) == 0) known.clear();
     if (chart[i] == kNone) continue;
     const auto x = i % std::size_t(width) / kPoolSide, y = i / std::size_t(width) / kPoolSide;
-    poolOf[i] = known.try_emplace(combine(chart[i], x << 32 | y), std::uint32_t(known.size())).first->second;
+    const auto [it, fresh] = known.try_emplace(combine(chart[i], x << 32 | y), pools);
+    pools += fresh;
+    poolOf[i] = it->second;
   }
-  return std::uint32_t(known.size());
+  return pools;
 }
 
 /// f(j) for the eight neighbours of a texel in its chart.
@@ -61,8 +65,8 @@ class MapBaker {
         hemisphere_(tracer, options),
         poolOf_(chart.size(), kNone) {
     pools_ = makePools(chart, texels.width(), poolOf_);
-    sums_.resize(chart.size());
-    bent_.assign(options.bent ? chart.size() : 0, glm::vec3(0.0f));
+    sums_ = TexelArray<Sums>(chart.size());  // all zeros is what a texel without rays has
+    bent_ = TexelArray<glm::vec3>(options.bent ? chart.size() : 0);
   }
 
   Openness bake() {
@@ -158,10 +162,10 @@ class MapBaker {
   const Run& run_;
   const Tracer& tracer_;
   const Hemisphere hemisphere_;
-  std::vector<std::uint32_t> poolOf_;
+  TexelArray<std::uint32_t> poolOf_;
   std::uint32_t pools_ = 0;
-  std::vector<Sums> sums_;
-  std::vector<glm::vec3> bent_;
+  TexelArray<Sums> sums_;
+  TexelArray<glm::vec3> bent_;
   std::uint32_t round_ = 0;  // of casts
 };
 
@@ -177,8 +181,8 @@ double foretellMap(const Scene& scene, const TexelMap& texels, std::span<const s
   return MapBaker(scene, texels, chart, tracer, options, run).foretell();
 }
 
-std::vector<float> withoutRims(const Openness& openness, std::span<const std::uint32_t> chart, int width) {
-  std::vector<float> out = openness.cosine;
+TexelArray<float> withoutRims(const Openness& openness, std::span<const std::uint32_t> chart, int width) {
+  TexelArray<float> out = openness.cosine;
   for (std::size_t i = 0; i < out.size(); ++i) {
     if (openness.buried[i] == 0) continue;
     double sum = 0.0, beside = 0.0;

@@ -104,7 +104,7 @@ bool giveOut(std::vector<Pool>& pools, double error) {
 double foretellRays(const Options& options, std::span<const Sums> sums, std::span<const std::uint32_t> poolOf, std::uint32_t poolCount,
                     const CastAll& cast) {
   const std::uint32_t each = options.rays > 0 ? wholeBlocks(0.5 * options.rays) : kPilotRays;
-  std::vector<std::uint32_t> wanted(sums.size(), 0);
+  TexelArray<std::uint32_t> wanted(sums.size());
   for (std::size_t i = 0; i < sums.size(); ++i)
     if (poolOf[i] != kNone) wanted[i] = each;
   cast(wanted, 0.0, 1.0);
@@ -119,7 +119,7 @@ double foretellRays(const Options& options, std::span<const Sums> sums, std::spa
 Openness castInRounds(const Options& options, std::span<const Sums> sums, std::span<const std::uint32_t> poolOf, std::uint32_t poolCount,
                       const CastAll& cast) {
   Openness out;
-  std::vector<std::uint32_t> wanted(sums.size(), 0);
+  TexelArray<std::uint32_t> wanted(sums.size());
   const std::uint32_t first = options.rays > 0 ? wholeBlocks(0.5 * options.rays) : kPilotRays;
   for (std::size_t i = 0; i < sums.size(); ++i)
     if (poolOf[i] != kNone) wanted[i] = first;
@@ -138,8 +138,7 @@ Openness castInRounds(const Options& options, std::span<const Sums> sums, std::s
     pools = makePools(sums, poolOf, poolCount);
   }
 
-  out.cosine.assign(sums.size(), 0.0f);
-  out.uniform = out.error = out.cosine;
+  for (TexelArray<float>* a : {&out.cosine, &out.uniform, &out.error}) *a = TexelArray<float>(sums.size());
   double dark = 0.0;
   for (std::size_t i = 0; i < sums.size(); ++i) {
     if (poolOf[i] == kNone) continue;

@@ -1,10 +1,12 @@
 #include "libradiosity/adaptive_patches.h"
 
 #include <algorithm>
+#include <span>
 
 #include "libradiosity/slopes.h"
 #include "libradiosity/solve_stored.h"
 #include "libscene/parallel.h"
+#include "libscene/texel_array.h"
 #include "libscene/texture.h"
 
 namespace lmc {
@@ -18,8 +20,8 @@ constexpr std::uint32_t kStream = 2;  // apart from those of the solution
 float mean3(const Rgb& c) { return (c.r + c.g + c.b) / 3.0f; }
 
 /// Light by the sky and by bounces at the texels' middles [lx].
-std::vector<Rgb> indirectOf(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const DirectMap& map,
-                            const TexelMap& texels, PatchMesh mesh, const Run& run) {
+TexelArray<Rgb> indirectOf(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const DirectMap& map,
+                           const TexelMap& texels, PatchMesh mesh, const Run& run) {
   for (Patch& p : mesh.patches) p.reflectance = glm::min(p.reflectance, Rgb(kMostReflectance));
   exposePatches(mesh, scene, tracer, run);
   PatchLight light = lightPatches(scene, tracer, mesh, direct, map, run);
@@ -33,7 +35,7 @@ std::vector<Rgb> indirectOf(const Scene& scene, const Tracer& tracer, const Dire
   const PatchGroups single = singlePatches(mesh);
   const Slopes slopes(mesh, map, places, single);
   const Sloped indirect = slopes.of(std::move(light.sky));
-  std::vector<Rgb> out(places.patch.size(), Rgb(0.0f));
+  TexelArray<Rgb> out(places.patch.size());
   for (std::size_t i = 0; i < out.size(); ++i)
     if (places.patch[i] != kNone) out[i] = slopes.at(indirect, i);
   return out;
@@ -50,8 +52,8 @@ PatchMesh makeAdaptivePatches(const Scene& scene, const Tracer& tracer, const Di
   PatchMesh mesh = makePatches(scene, options, quiet);
   options.size_m = mesh.size_m;
   options.levels = coarsest.levels;
-  const std::vector<Rgb> indirect = indirectOf(scene, tracer, direct, map, texels, std::move(mesh), quiet);
-  std::vector<LightAt> light(indirect.size());
+  TexelArray<Rgb> indirect = indirectOf(scene, tracer, direct, map, texels, std::move(mesh), quiet);
+  TexelArray<LightAt> light(indirect.size());
   parallelFor(quiet, texels.tileCount(), 1, [&](std::size_t t) {
     const auto held = texels.held(t);
     const TexelTile& tile = *held;
@@ -68,8 +70,9 @@ PatchMesh makeAdaptivePatches(const Scene& scene, const Tracer& tracer, const Di
                     mean3(reflectanceAt(scene, p.triangle, p.bary) * (map.illuminance[i] + indirect[i]))};
       }
   });
-  std::erase_if(light, [](const LightAt& l) { return !(l.area_m2 > 0.0f); });
-  options.light = light;
+  indirect.clear();
+  const auto end = std::remove_if(light.begin(), light.end(), [](const LightAt& l) { return !(l.area_m2 > 0.0f); });
+  options.light = std::span<const LightAt>(light.begin(), end);
   return makePatches(scene, options, run);
 }
 

@@ -39,23 +39,24 @@ struct Drawn {
 std::vector<Drawn> draw(const LightMap& map, std::span<const float> stated, std::uint32_t count, const Run& run, AuditResult& out,
                         double unit) {
   constexpr std::size_t kKinds = kTexelClassNames.size();
-  std::array<std::vector<std::size_t>, kKinds> of;
+  std::array<std::size_t, kKinds> texelsOf{}, last{};
   std::array<double, kKinds> sum{}, squares{};
   for (std::size_t i = 0; i < map.size(); ++i) {
     if (map.chart[i] == kNone) continue;
     const auto k = std::size_t(classOf(map, i));
-    of[k].push_back(i);
+    ++texelsOf[k];
+    last[k] = i;
     sum[k] += double(stated[i]);
     squares[k] += double(stated[i]) * double(stated[i]);
   }
   const double all = std::accumulate(sum.begin(), sum.end(), 0.0);
   double covered = 0.0;
-  for (const auto& c : of) covered += double(c.size());
+  for (const std::size_t n : texelsOf) covered += double(n);
   std::vector<Drawn> drawn;
   for (std::size_t k = 0; k < kKinds; ++k) {
-    const double texels = double(of[k].size());
-    out.classes[k].texels = of[k].size();
-    if (of[k].empty()) continue;
+    const auto texels = double(texelsOf[k]);
+    out.classes[k].texels = texelsOf[k];
+    if (texelsOf[k] == 0) continue;
     out.classes[k].stated = unit * std::sqrt(squares[k] / texels);
     const double even = texels / covered, share = all > 0.0 ? (1.0 - kEvenClasses) * sum[k] / all + kEvenClasses * even : even;
     const auto n = std::max(kLeastOfClass, std::uint32_t(std::lround(share * double(count))));
@@ -68,14 +69,14 @@ std::vector<Drawn> draw(const LightMap& map, std::span<const float> stated, std:
     const auto at = [&](std::uint32_t part) { return (double(part) + double(combine(name, part) >> 11) * 0x1p-53) / double(n); };
     double upTo = 0.0;
     std::uint32_t next = 0;
-    for (const std::size_t i : of[k]) {
+    for (std::size_t i = 0; i < map.size(); ++i) {
+      if (map.chart[i] == kNone || std::size_t(classOf(map, i)) != k) continue;
       upTo += chance(i);
       for (; next < n && at(next) < upTo; ++next)
         drawn.push_back({i, std::uint32_t(k), std::uint32_t(drawn.size()), 1.0 / (double(n) * chance(i))});
     }
     // Rounding may leave the sum of chances below the last step.
-    for (; next < n; ++next)
-      drawn.push_back({of[k].back(), std::uint32_t(k), std::uint32_t(drawn.size()), 1.0 / (double(n) * chance(of[k].back()))});
+    for (; next < n; ++next) drawn.push_back({last[k], std::uint32_t(k), std::uint32_t(drawn.size()), 1.0 / (double(n) * chance(last[k]))});
   }
   return drawn;
 }

@@ -198,7 +198,7 @@ Field::Field(const Scene& scene, const PatchMesh& mesh, const DirectMap& map, co
   }
   if (compact) return;
   for (std::size_t h = 0; h < 2; ++h) {
-    texels_[h].resize(parts_->places.patch.size());
+    texels_[h].assign(parts_->places.patch.size(), {});
     for (std::size_t i = 0; i < texels_[h].size(); ++i)
       if (parts_->places.patch[i] != kNone) texels_[h][i] = {parts_->at(i, h), map.chart[i]};
   }

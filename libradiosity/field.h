@@ -6,6 +6,7 @@
 
 #include "libradiosity/direct.h"
 #include "libradiosity/patch_mesh.h"
+#include "libscene/texel_array.h"
 
 namespace lmc {
 
@@ -80,10 +81,10 @@ class Field {
     std::uint32_t chart = kNone;
   };
   std::vector<TriangleUv> uvs_;
-  std::array<std::vector<Seen>, 2> patches_;      // of each half
-  std::array<std::vector<TexelSeen>, 2> texels_;  // empty when compact
-  struct Parts;                                   // of what texels show
-  std::unique_ptr<Parts> parts_;                  // compact only
+  std::array<std::vector<Seen>, 2> patches_;     // of each half
+  std::array<TexelArray<TexelSeen>, 2> texels_;  // empty when compact
+  struct Parts;                                  // of what texels show
+  std::unique_ptr<Parts> parts_;                 // compact only
 };
 
 }  // namespace lmc

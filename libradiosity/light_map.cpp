@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "libscene/constants.h"
 #include "libscene/parallel.h"
@@ -25,12 +26,6 @@ struct Pool {
   double field2 = 0.0;             ///< square of the mean change from patches of twice the size, channel mean [lx^2]
 };
 
-/// Pools of a map in a fixed order: blocks along the map's rows, charts within in order of sight. `of` gives each covered texel's pool.
-struct Pools {
-  std::vector<Pool> pools;
-  std::vector<std::uint32_t> of;
-};
-
 struct TexelValue {
   glm::dvec3 direct, sky, bounced;
   glm::dvec3 total() const { return direct + sky + bounced; }
@@ -44,51 +39,59 @@ TexelValue valueOf(const LightMap& map, const Scene& scene, std::size_t i) {
   return v;
 }
 
-Pools poolsOf(const LightMap& map, const Scene& scene) {
-  Pools out;
-  out.of.assign(map.size(), kNone);
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> here;  // chart, pool
-  std::vector<glm::dvec3> drift;
+/// f(pool, its texels) in a fixed order: blocks along the map's rows, charts within in order of sight. One block's pools are held at a
+/// time.
+template <class F>
+void forPools(const LightMap& map, const Scene& scene, const F& f) {
+  struct Here {
+    std::uint32_t chart;
+    Pool pool;
+    glm::dvec3 drift{0.0};
+    std::vector<std::size_t> texels;
+  };
+  std::vector<Here> here;
+  std::size_t count = 0;  // of them, in this block; those behind keep their memory for others
+  const auto add = [&](std::size_t i) {
+    std::size_t k = 0;
+    while (k < count && here[k].chart != map.chart[i]) ++k;
+    if (k == here.size()) here.emplace_back();
+    Here& h = here[k];
+    if (k == count) {
+      ++count;
+      h.chart = map.chart[i];
+      h.pool = {};
+      h.pool.object = map.object[i];
+      h.drift = glm::dvec3(0.0);
+      h.texels.clear();
+    }
+    const TexelValue v = valueOf(map, scene, i);
+    ++h.pool.texels;
+    h.pool.gathered += map.rays[i] > 0;
+    const glm::dvec3 d = 0.5 * (glm::dvec3(map.direct[0][i]) - glm::dvec3(map.direct[1][i]));
+    h.pool.directVariance += d * d;
+    h.pool.sum += mean3(v.total());
+    h.pool.bounced += mean3(v.bounced);
+    if (!map.variance.empty()) {
+      h.pool.variance += mean3(glm::dvec3(map.variance[i]));
+      h.drift += glm::dvec3(map.coarse[i]) - v.bounced;
+    }
+    h.texels.push_back(i);
+  };
   for (int by = 0; by < map.height; by += kBlock)
     for (int bx = 0; bx < map.width; bx += kBlock) {
-      here.clear();
-      drift.clear();
-      const std::size_t firstPool = out.pools.size();
+      count = 0;
       for (int y = by; y < std::min(by + kBlock, map.height); ++y)
-        for (int x = bx; x < std::min(bx + kBlock, map.width); ++x) {
-          const std::size_t i = std::size_t(y) * std::size_t(map.width) + std::size_t(x);
-          if (map.chart[i] == kNone) continue;
-          auto it = std::ranges::find(here, map.chart[i], &std::pair<std::uint32_t, std::uint32_t>::first);
-          if (it == here.end()) {
-            here.emplace_back(map.chart[i], std::uint32_t(out.pools.size()));
-            out.pools.emplace_back();
-            out.pools.back().object = map.object[i];
-            drift.emplace_back(0.0);
-            it = here.end() - 1;
-          }
-          const TexelValue v = valueOf(map, scene, i);
-          Pool& pool = out.pools[it->second];
-          ++pool.texels;
-          pool.gathered += map.rays[i] > 0;
-          const glm::dvec3 d = 0.5 * (glm::dvec3(map.direct[0][i]) - glm::dvec3(map.direct[1][i]));
-          pool.directVariance += d * d;
-          pool.sum += mean3(v.total());
-          pool.bounced += mean3(v.bounced);
-          if (!map.variance.empty()) {
-            pool.variance += mean3(glm::dvec3(map.variance[i]));
-            drift[it->second - firstPool] += glm::dvec3(map.coarse[i]) - v.bounced;
-          }
-          out.of[i] = it->second;
-        }
-      for (std::size_t p = firstPool; p < out.pools.size(); ++p) {
-        Pool& pool = out.pools[p];
+        for (int x = bx; x < std::min(bx + kBlock, map.width); ++x)
+          if (const std::size_t i = std::size_t(y) * std::size_t(map.width) + std::size_t(x); map.chart[i] != kNone) add(i);
+      for (std::size_t k = 0; k < count; ++k) {
+        Pool& pool = here[k].pool;
         pool.directVariance /= double(pool.texels);
         pool.variance = pool.variance / pool.texels + mean3(pool.directVariance);
-        const glm::dvec3 d = drift[p - firstPool] / double(pool.texels);
+        const glm::dvec3 d = here[k].drift / double(pool.texels);
         pool.field2 = mean3(d * d);
+        f(pool, std::span<const std::size_t>(here[k].texels));
       }
     }
-  return out;
 }
 
 }  // namespace
@@ -99,10 +102,10 @@ LightMap startMap(const Scene& scene, const TexelMap& texels, const Run& run) {
   map.height = texels.height();
   const std::size_t n = std::size_t(map.width) * std::size_t(map.height);
   map.chart.assign(n, kNone);
-  map.object.assign(n, kNone);
-  for (auto& d : map.direct) d.assign(n, Rgb(0.0f));
-  map.edge.assign(n, 0);
-  map.rays.assign(n, 0);
+  map.object = TexelArray<std::uint32_t>(n);
+  for (auto& d : map.direct) d = TexelArray<Rgb>(n);
+  map.edge = TexelArray<std::uint8_t>(n);
+  map.rays = TexelArray<std::uint32_t>(n);
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
     const auto held = texels.held(t);
     const TexelTile& tile = *held;
@@ -120,34 +123,32 @@ LightMap startMap(const Scene& scene, const TexelMap& texels, const Run& run) {
 
 LightMapValues values(const LightMap& map, const Scene& scene) {
   LightMapValues out;
-  out.direct.assign(map.size(), Rgb(0.0f));
-  out.indirect = out.error = out.direct;
-  const Pools pools = poolsOf(map, scene);
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    if (map.chart[i] == kNone) continue;
-    const TexelValue v = valueOf(map, scene, i);
-    out.direct[i] = Rgb(v.direct + v.sky);
-    out.indirect[i] = Rgb(v.bounced);
-    const glm::dvec3 hemisphere = map.variance.empty() ? glm::dvec3(0.0) : glm::dvec3(map.variance[i]);
-    out.error[i] = Rgb(glm::sqrt(pools.pools[pools.of[i]].directVariance + hemisphere));
-  }
+  for (TexelArray<Rgb>* v : {&out.direct, &out.indirect, &out.error}) *v = TexelArray<Rgb>(map.size());
+  forPools(map, scene, [&](const Pool& pool, std::span<const std::size_t> texels) {
+    for (const std::size_t i : texels) {
+      const TexelValue v = valueOf(map, scene, i);
+      out.direct[i] = Rgb(v.direct + v.sky);
+      out.indirect[i] = Rgb(v.bounced);
+      const glm::dvec3 hemisphere = map.variance.empty() ? glm::dvec3(0.0) : glm::dvec3(map.variance[i]);
+      out.error[i] = Rgb(glm::sqrt(pool.directVariance + hemisphere));
+    }
+  });
   return out;
 }
 
-std::vector<float> statedErrors(const LightMap& map, const Scene& scene) {
-  const Pools pools = poolsOf(map, scene);
+TexelArray<float> statedErrors(const LightMap& map, const Scene& scene) {
   std::vector<double> between(scene.objects.size(), 0.0);  // texels of each object that are interpolated
   for (std::size_t i = 0; i < map.size(); ++i)
     if (map.chart[i] != kNone && map.rays[i] == 0) between[map.object[i]] += 1.0;
-  std::vector<float> out(map.size(), 0.0f);
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    if (map.chart[i] == kNone) continue;
-    const Pool& pool = pools.pools[pools.of[i]];
-    double square = mean3(pool.directVariance) + kFieldShare * kFieldShare * pool.field2;
-    if (!map.variance.empty()) square += mean3(glm::dvec3(map.variance[i]));
-    if (map.rays[i] == 0 && !map.interpolation2.empty()) square += map.interpolation2[map.object[i]] / between[map.object[i]];
-    out[i] = float(std::sqrt(square));
-  }
+  TexelArray<float> out(map.size());
+  forPools(map, scene, [&](const Pool& pool, std::span<const std::size_t> texels) {
+    for (const std::size_t i : texels) {
+      double square = mean3(pool.directVariance) + kFieldShare * kFieldShare * pool.field2;
+      if (!map.variance.empty()) square += mean3(glm::dvec3(map.variance[i]));
+      if (map.rays[i] == 0 && !map.interpolation2.empty()) square += map.interpolation2[map.object[i]] / between[map.object[i]];
+      out[i] = float(std::sqrt(square));
+    }
+  });
   return out;
 }
 
@@ -172,10 +173,10 @@ ErrorLedger ledger(const LightMap& map, const Scene& scene, const Omitted& omitt
   };
   Sums level;
   std::vector<Sums> objects(scene.objects.size());
-  for (const Pool& p : poolsOf(map, scene).pools) {
+  forPools(map, scene, [&](const Pool& p, std::span<const std::size_t>) {
     level.add(p);
     objects[p.object].add(p);
-  }
+  });
   for (std::size_t o = 0; o < map.interpolation2.size(); ++o) {
     level.interpolation2 += map.interpolation2[o];
     objects[o].interpolation2 = map.interpolation2[o];

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "libradiosity/gather.h"
+#include "libscene/texel_array.h"
 
 namespace lmc {
 
@@ -15,18 +16,18 @@ namespace lmc {
 /// difference a sample of its error.
 struct LightMap {
   int width = 0, height = 0;
-  std::vector<std::uint32_t> chart;         ///< kNone = not covered
-  std::vector<std::uint32_t> object;        ///< of the texel's first fragment
-  std::array<std::vector<Rgb>, 2> direct;   ///< punctual lights and emitters, E [lx]
-  std::vector<std::uint8_t> edge;           ///< 1 where direct light changes within the texel or beside it
-  std::array<std::vector<Rgb>, 2> bounced;  ///< E by bounces [lx]
-  std::array<std::vector<float>, 2> sky;    ///< share of hemisphere rays that left the level
-  std::vector<Rgb> coarse;                  ///< `bounced`, mean of the halves, from patches of twice the size
-  std::vector<Rgb> variance;                ///< of the mean of sky and bounced light [lx^2]
-  std::vector<std::uint32_t> rays;          ///< hemisphere rays cast, each half; 0 = interpolated
-  std::vector<std::uint8_t> near;           ///< of gathered texels: 1 where many rays meet something near, 2 where something touches
-  int rounds = 0;                           ///< of hemisphere rays that went beyond the goal
-  std::vector<double> interpolation2;       ///< one an object: expected square of the interpolation error, summed over its texels [lx^2]
+  TexelArray<std::uint32_t> chart;         ///< kNone = not covered
+  TexelArray<std::uint32_t> object;        ///< of the texel's first fragment; 0 where not covered
+  std::array<TexelArray<Rgb>, 2> direct;   ///< punctual lights and emitters, E [lx]
+  TexelArray<std::uint8_t> edge;           ///< 1 where direct light changes within the texel or beside it
+  std::array<TexelArray<Rgb>, 2> bounced;  ///< E by bounces [lx]
+  std::array<TexelArray<float>, 2> sky;    ///< share of hemisphere rays that left the level
+  TexelArray<Rgb> coarse;                  ///< `bounced`, mean of the halves, from patches of twice the size
+  TexelArray<Rgb> variance;                ///< of the mean of sky and bounced light [lx^2]
+  TexelArray<std::uint32_t> rays;          ///< hemisphere rays cast, each half; 0 = interpolated
+  TexelArray<std::uint8_t> near;           ///< of gathered texels: 1 where many rays meet something near, 2 where something touches
+  int rounds = 0;                          ///< of hemisphere rays that went beyond the goal
+  std::vector<double> interpolation2;      ///< one an object: expected square of the interpolation error, summed over its texels [lx^2]
   std::size_t size() const { return chart.size(); }
   std::size_t index(const TexelTile& tile, int x, int y) const {
     return std::size_t(tile.y0 + y) * std::size_t(width) + std::size_t(tile.x0 + x);
@@ -35,9 +36,9 @@ struct LightMap {
 
 /// Values of a finished map [lx].
 struct LightMapValues {
-  std::vector<Rgb> direct;  ///< without a bounce: punctual lights, emitters, sky
-  std::vector<Rgb> indirect;
-  std::vector<Rgb> error;  ///< standard error of their sum, pooled over neighbours of a chart
+  TexelArray<Rgb> direct;  ///< without a bounce: punctual lights, emitters, sky
+  TexelArray<Rgb> indirect;
+  TexelArray<Rgb> error;  ///< standard error of their sum, pooled over neighbours of a chart
 };
 
 /// What a map's error is made of, relative to its mean illuminance (design.md section 5).
@@ -154,7 +155,7 @@ LightMapValues values(const LightMap&, const Scene&);
 
 /// What the ledger says of each texel: noise, patches and interpolation in squares, root mean square of the channels [lx]; 0 where nothing
 /// is covered.
-std::vector<float> statedErrors(const LightMap&, const Scene&);
+TexelArray<float> statedErrors(const LightMap&, const Scene&);
 
 /// What is not in the map, told by others.
 struct Omitted {

@@ -22,19 +22,19 @@ constexpr double kSteep = 0.35;  // change from end to end, as a share of the la
 constexpr double kNextHalving = 1.0 / 16.0;  // of a bend's square, where light is twice differentiable
 
 constexpr int kSampledBlock = 16;      // texels
-constexpr double kLeastBlocks = 24.0;   // of a sample
+constexpr double kLeastBlocks = 24.0;  // of a sample
 
 enum Join : std::uint8_t { kRight = 1, kDown = 2 };
 
 /// Middles of texels in the level.
 struct Middles {
-  std::vector<glm::vec3> position_m, normal;
+  TexelArray<glm::vec3> position_m, normal;
 };
 
 Middles middlesOf(const MapLayout& map, const Scene& scene, const TexelMap& texels, const Run& run) {
   Middles m;
-  m.position_m.resize(std::size_t(map.width) * std::size_t(map.height));
-  m.normal.resize(m.position_m.size());
+  m.position_m = TexelArray<glm::vec3>(std::size_t(map.width) * std::size_t(map.height));
+  m.normal = TexelArray<glm::vec3>(m.position_m.size());
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t t) {
     const auto held = texels.held(t);
     const TexelTile& tile = *held;
@@ -51,8 +51,8 @@ Middles middlesOf(const MapLayout& map, const Scene& scene, const TexelMap& texe
 }
 
 /// Which texels go on smoothly to the right and downwards.
-std::vector<std::uint8_t> joins(const MapLayout& map, const Middles& at) {
-  std::vector<std::uint8_t> out(at.normal.size(), 0);
+TexelArray<std::uint8_t> joins(const MapLayout& map, const Middles& at) {
+  TexelArray<std::uint8_t> out(at.normal.size());
   const auto joined = [&](std::size_t i, std::size_t k) {
     if (map.chart[i] == kNone || map.chart[i] != map.chart[k] || double(glm::dot(at.normal[i], at.normal[k])) < kJoined) return false;
     const glm::vec3 step = at.position_m[k] - at.position_m[i];
@@ -97,7 +97,7 @@ MapCells::MapCells(const MapLayout& map, const Scene& scene, const TexelMap& tex
   Run quiet = run;
   quiet.onProgress = nullptr;
   const Middles at = middlesOf(map, scene, texels, quiet);
-  const std::vector<std::uint8_t> joined = joins(map, at);
+  const TexelArray<std::uint8_t> joined = joins(map, at);
 
   // Roots: the rectangle about each chart cut evenly, so that the edges of a rectangular chart are edges of cells; halved until whole.
   const std::vector<Box> boxes = chartBoxes(map);
@@ -218,7 +218,7 @@ std::size_t MapCells::blockOf(const Cell& c) const {
   return std::size_t(c.y0 / kSampledBlock) * std::size_t((map_.width + kSampledBlock) / kSampledBlock) + std::size_t(c.x0 / kSampledBlock);
 }
 
-void MapCells::sample(double share, std::vector<std::uint32_t>& chart) {
+void MapCells::sample(double share, std::span<std::uint32_t> chart) {
   if (cells_.empty()) {  // every texel is gathered
     for (int y = 0; y < map_.height; ++y)
       for (int x = 0; x < map_.width; ++x)
@@ -275,7 +275,7 @@ void MapCells::sample(double share, std::vector<std::uint32_t>& chart) {
   std::ranges::fill(gathered_, std::uint8_t(0));
   for (const Cell& c : cells_) add(c);
   standsFor_ = before / estimate([](std::size_t) { return 1.0; }).sum;
-  std::vector<std::uint8_t> in(gathered_.size(), 0);
+  TexelArray<std::uint8_t> in(gathered_.size());
   for (std::uint32_t r = 0; r < roots_; ++r) forTexels(cells_[r], [&](std::size_t i) { in[i] = 1; });
   for (std::size_t i = 0; i < in.size(); ++i)
     if (!in[i]) chart[i] = kNone;
@@ -319,7 +319,7 @@ void MapCells::halve(std::uint32_t id, bool alongY) {
   add(second);
 }
 
-bool MapCells::whole(const Cell& c, const std::vector<std::uint8_t>& joined) const {
+bool MapCells::whole(const Cell& c, std::span<const std::uint8_t> joined) const {
   for (int y = c.y0; y <= c.y1; ++y)
     for (int x = c.x0; x <= c.x1; ++x) {
       const std::uint8_t j = joined[index(x, y)];
@@ -437,7 +437,7 @@ void MapCells::forInterpolated(const std::function<void(std::size_t, const Corne
     if (cells_[i].child == kNone) leaves.push_back(i);
   const auto area = [&](std::uint32_t i) { return (cells_[i].x1 - cells_[i].x0 + 1) * (cells_[i].y1 - cells_[i].y0 + 1); };
   std::ranges::stable_sort(leaves, [&](std::uint32_t a, std::uint32_t b) { return area(a) > area(b); });
-  std::vector<std::uint32_t> owner(gathered_.size(), kNone);
+  TexelArray<std::uint32_t> owner(gathered_.size(), kNone);
   for (const std::uint32_t id : leaves)
     for (int y = cells_[id].y0; y <= cells_[id].y1; ++y)
       for (int x = cells_[id].x0; x <= cells_[id].x1; ++x) owner[index(x, y)] = id;

@@ -4,9 +4,11 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "libscene/run.h"
+#include "libscene/texel_array.h"
 #include "libscene/texels.h"
 #include "libscene/tracer.h"
 
@@ -60,7 +62,7 @@ class MapCells {
 
   /// For a forecast: keeps about `share` of the cells, spread evenly over the map and over cells of each size; where the rest was, `chart`
   /// becomes kNone.
-  void sample(double share, std::vector<std::uint32_t>& chart);
+  void sample(double share, std::span<std::uint32_t> chart);
   /// Of a gathered texel of a sample: by how many cells of the whole map it is shared. 1 without a sample.
   double sharedBy(std::size_t texel) const { return shared_.empty() ? 1.0 : double(shared_[texel]); }
   /// Sum over the whole map of what is known of the sample's gathered texels.
@@ -83,7 +85,7 @@ class MapCells {
   std::size_t blockOf(const Cell&) const;
   void add(const Cell&);
   void halve(std::uint32_t, bool alongY);
-  bool whole(const Cell&, const std::vector<std::uint8_t>& joined) const;
+  bool whole(const Cell&, std::span<const std::uint8_t> joined) const;
   Halving halvingOf(const Cell&, const ValueAt&) const;
   template <class F>
   void forLeaves(const ValueAt&, F&&) const;
@@ -92,9 +94,9 @@ class MapCells {
   MapLayout map_;
   std::vector<Cell> cells_;
   std::uint32_t roots_ = 0;
-  std::vector<std::uint8_t> gathered_;
+  TexelArray<std::uint8_t> gathered_;
   // Of a sample: how many roots of the whole map share each texel; by how much more it is than the sample.
-  std::vector<std::uint8_t> shared_;
+  TexelArray<std::uint8_t> shared_;
   double standsFor_ = 1.0;
 };
 

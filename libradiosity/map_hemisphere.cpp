@@ -68,25 +68,29 @@ class HemisphereBaker {
         goal_(options.goal),
         run_(run),
         cells_({map.width, map.height, map.chart.data()}, scene, texels, tracer, options.interpolate, run),
-        wanted_(map.size(), 0) {
+        wanted_(map.size()) {
     for (std::size_t h = 0; h < 2; ++h) {
       map.bounced[h].assign(map.size(), Rgb(0.0f));
       map.sky[h].assign(map.size(), 0.0f);
     }
     map.coarse.assign(map.size(), Rgb(0.0f));
     map.near.assign(map.size(), 0);
-    if (options.sampled < 1.0) near_.resize(map.size());
+    if (options.sampled < 1.0) near_ = TexelArray<Near>(map.size());
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
     if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
     static_assert(kTile % kGuideBlock == 0);
     guideOf_.assign(map.size(), kNone);
-    std::unordered_map<std::uint64_t, std::uint32_t> known;
+    std::unordered_map<std::uint64_t, std::uint32_t> known;  // of the row of blocks
+    std::uint32_t guides = 0;
     for (std::size_t i = 0; i < map.size(); ++i) {
+      if (i % (kGuideBlock * std::size_t(map.width)) == 0) known.clear();
       if (map.chart[i] == kNone) continue;
       const auto x = i % std::size_t(map.width) / kGuideBlock, y = i / std::size_t(map.width) / kGuideBlock;
-      guideOf_[i] = known.try_emplace(combine(map.chart[i], x << 32 | y), std::uint32_t(known.size())).first->second;
+      const auto [it, fresh] = known.try_emplace(combine(map.chart[i], x << 32 | y), guides);
+      guides += fresh;
+      guideOf_[i] = it->second;
     }
-    guides_.resize(known.size());
+    guides_ = TexelArray<Guide>(guides);  // a guide that knows nothing is all zeros
   }
 
   void bake() {
@@ -278,7 +282,7 @@ class HemisphereBaker {
 
   void makePools() {
     // What each gathered texel speaks for: itself, and its weights in others.
-    std::vector<float> spoken(map_.size(), 0.0f), influence(map_.size(), 0.0f), sum(map_.size(), 0.0f);
+    TexelArray<float> spoken(map_.size()), influence(map_.size()), sum(map_.size());
     for (std::size_t i = 0; i < map_.size(); ++i)
       if (cells_.gathered(i)) {
         spoken[i] = influence[i] = float(1.0 / cells_.sharedBy(i));
@@ -528,16 +532,16 @@ class HemisphereBaker {
   double goal_;
   const Run& run_;
   MapCells cells_;
-  std::vector<Guide> guides_;
-  std::vector<std::uint32_t> guideOf_;  // one a texel
-  std::vector<std::uint32_t> wanted_;   // rays each half
+  TexelArray<Guide> guides_;
+  TexelArray<std::uint32_t> guideOf_;  // one a texel
+  TexelArray<std::uint32_t> wanted_;   // rays each half
   std::vector<Pool> pools_;
-  std::vector<std::uint32_t> poolOf_;  // one a texel; kNone = not gathered
+  TexelArray<std::uint32_t> poolOf_;  // one a texel; kNone = not gathered
   struct Near {
     std::uint32_t rays = 0;
     Rgb light{0.0f};  // sum over rays of both halves
   };
-  std::vector<Near> near_;  // one a texel of a sample, else none
+  TexelArray<Near> near_;  // one a texel of a sample, else none
   std::vector<double> objectMean_, objectTexels_;
   double mean_ = 0.0;
   std::uint32_t round_ = 0;  // of casts

@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "libscene/rng.h"
+#include "libscene/texel_array.h"
 #include "libscene/texture.h"
 #include "libscene/tracer.h"
 
@@ -57,6 +58,9 @@ struct PositionHash {
 template <class Wanted, class Place>
 Mesh weld(const Scene& scene, Wanted&& wanted, Place&& place, std::uint64_t& unjoined) {
   Mesh mesh;
+  // Else it grows by doubling, and holds three times what it needs while it does.
+  const std::size_t n = scene.triangles.size();
+  mesh.reserve(scene.positions_m.size(), n + n / 2 + scene.positions_m.size() / 2, n);
   std::unordered_map<glm::vec3, OpenMesh::VertexHandle, PositionHash> at;
   const auto point = [](const glm::vec3& p) { return OpenMesh::Vec3d(p.x, p.y, p.z); };
   for (std::uint32_t t = 0; t < scene.triangles.size(); ++t) {
@@ -359,7 +363,7 @@ double opaqueShare(const Scene& scene, const Leaf& leaf) {
 /// then differ by one at most.
 bool refine(Mesh& mesh, const Grouping& groups, PatchMesh& out, const PatchOptions& options, std::uint8_t level) {
   for (const auto f : mesh.faces()) out.nodes[mesh.data(f).node].patch = mesh.data(f).group = groups.groupOf[std::size_t(f.idx())];
-  std::vector<std::uint32_t> groupOf(options.light.size());
+  TexelArray<std::uint32_t> groupOf(options.light.size());
   std::vector<double> area(groups.count, 0.0), sum(groups.count, 0.0), moved(groups.count, 0.0);
   double level_m2 = 0.0, level_lm = 0.0;
   for (std::size_t i = 0; i < groupOf.size(); ++i) {
@@ -413,15 +417,15 @@ PatchMesh build(const Scene& scene, const PatchOptions& options, const Run& run)
   const std::uint8_t levels = options.light.empty() ? std::uint8_t(0) : options.levels;
   Grouping groups;
   std::vector<Rgb> reflectance;  // of each face's whole triangle: one picture must not make a patch of every leaf
-  std::unordered_map<std::uint32_t, Rgb> ofTriangle;
+  constexpr float kUnknown = -1.0f;
+  std::vector<Rgb> ofTriangle(scene.triangles.size(), Rgb(kUnknown));
   for (std::uint8_t level = 0;; ++level) {
     subdivide(mesh, diameterOf_m(options.size_m), out.nodes);
     reflectance.resize(mesh.n_faces());
     for (const auto f : mesh.faces()) {
       const std::uint32_t t = mesh.data(f).triangle;
-      const auto [it, fresh] = ofTriangle.try_emplace(t);
-      if (fresh) it->second = meanReflectance(scene, t);
-      reflectance[std::size_t(f.idx())] = it->second;
+      if (ofTriangle[t].r == kUnknown) ofTriangle[t] = meanReflectance(scene, t);
+      reflectance[std::size_t(f.idx())] = ofTriangle[t];
     }
     groups = group(scene, mesh, reflectance, options.size_m, options.maxBend_rad);
     joinScattered(scene, mesh, groups, options.size_m);

@@ -106,10 +106,7 @@ std::vector<Place> placesOf(const Scene& scene, const Charts& charts, const Seam
 /// A map's values as the seams see them.
 class Shown {
  public:
-  Shown(LightMapValues& values, const LightMap& map, const Padding& padding) : values_(values), map_(map), padding_(padding) {
-    contested_.assign(map.size(), false);
-    for (const std::uint32_t i : padding.contested) contested_[i] = true;
-  }
+  Shown(LightMapValues& values, const LightMap& map, const Padding& padding) : values_(values), map_(map), padding_(padding) {}
   double at(std::uint32_t texel, int c) const { return double(values_.direct[texel][c]) + double(values_.indirect[texel][c]); }
   glm::dvec3 at(const Lookup& l) const {
     glm::dvec3 sum(0.0);
@@ -121,7 +118,7 @@ class Shown {
   /// Whether a seam of a chart may move it: the chart's own, or padding that no other chart reads.
   bool movable(std::uint32_t texel, std::uint32_t chart) const {
     const std::uint32_t from = padding_.from[texel];
-    return from != kNone && map_.chart[from] == chart && (covered(texel) || !contested_[texel]);
+    return from != kNone && map_.chart[from] == chart && (covered(texel) || !std::ranges::binary_search(padding_.contested, texel));
   }
   /// By how much the value may be off [lx], and how far it may move.
   std::pair<double, double> sigmaAndLimit(std::uint32_t texel, int c, double goal) const {
@@ -154,7 +151,6 @@ class Shown {
   LightMapValues& values_;
   const LightMap& map_;
   const Padding& padding_;
-  std::vector<bool> contested_;
 };
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
@@ -334,11 +330,9 @@ SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& 
   std::vector<Closed> closed(3 * u.of.size());
   parallelFor(run, closed.size(), 1,
               [&](std::size_t i) { closed[i] = closeComponent(shown, places, u, std::uint32_t(i / 3), int(i % 3), goal); });
-  std::vector<bool> own(map.size(), false);
   double moves2 = 0.0;
   for (std::uint32_t i = 0; i < u.texel.size(); ++i) {
     bool moved = false, limited = false;
-    own[u.texel[i]] = true;
     for (int c = 0; c < 3; ++c) {
       const Closed& s = closed[3 * std::size_t(u.component[i]) + std::size_t(c)];
       const double was = shown.at(u.texel[i], c), limit = s.limit[u.local[i]], now = s.value[u.local[i]], move = std::abs(now - was);
@@ -356,9 +350,12 @@ SeamResult closeSeams(LightMapValues& values, const LightMap& map, const Scene& 
   }
   if (sum > 0.0) out.rmsMove = std::sqrt(moves2 / (3.0 * covered)) / (sum / covered);
   // What repeats a texel that moved follows it, but for padding that has a value of its own now.
+  std::size_t next = 0;  // of the unknowns, which are in order
   for (std::uint32_t i = 0; i < map.size(); ++i) {
+    while (next < u.texel.size() && u.texel[next] < i) ++next;
+    const bool own = next < u.texel.size() && u.texel[next] == i;
     const std::uint32_t from = padding.from[i];
-    if (from == kNone || from == i || own[i]) continue;
+    if (from == kNone || from == i || own) continue;
     values.direct[i] = values.direct[from];
     values.indirect[i] = values.indirect[from];
   }

@@ -15,7 +15,7 @@ constexpr double kRidge =
 }  // namespace
 
 TexelPatches::TexelPatches(const Scene& scene, const PatchMesh& mesh, const TexelMap& texels, const Run& run)
-    : patch(std::size_t(texels.width()) * std::size_t(texels.height()), kNone), position_m(patch.size(), glm::vec3(0.0f)) {
+    : patch(std::size_t(texels.width()) * std::size_t(texels.height()), kNone), position_m(patch.size()) {
   parallelFor(run, texels.tileCount(), 1, [&](std::size_t tileIndex) {
     const auto held = texels.held(tileIndex);
     const TexelTile& tile = *held;

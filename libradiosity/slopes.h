@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "libradiosity/field.h"
+#include "libscene/texel_array.h"
 #include "libscene/texels.h"
 
 namespace lmc {
@@ -12,8 +13,8 @@ namespace lmc {
 /// Where the map's texels lie on patches.
 struct TexelPatches {
   TexelPatches(const Scene&, const PatchMesh&, const TexelMap&, const Run&);
-  std::vector<std::uint32_t> patch;   ///< under each texel's middle; kNone = not covered, or it reflects nothing
-  std::vector<glm::vec3> position_m;  ///< of the texel's middle
+  TexelArray<std::uint32_t> patch;   ///< under each texel's middle; kNone = not covered, or it reflects nothing
+  TexelArray<glm::vec3> position_m;  ///< of the texel's middle
 };
 
 /// Groups of patches, for means over them: group 0.. of each patch.

@@ -1,13 +1,14 @@
 #include "libscene/charts.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
-#include <CGAL/box_intersection_d.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <optional>
+#include <span>
 #include <unordered_map>
 
 #include "libscene/disjoint_sets.h"
@@ -95,33 +96,82 @@ UvFault fault(const Scene& scene, UvFault::Kind kind, std::uint32_t triangle, st
 
 using Triangles = std::vector<std::uint32_t>;
 
+/// What a triangle takes of its map; exact, for UVs are floats.
+struct UvBox {
+  glm::vec2 lo, hi;
+  std::uint32_t triangle;
+};
+
+/// Calls f(a, b) once for each pair of boxes that have a place in common. The boxes are parted again and again at the middle of their lower
+/// ends; those on both sides go to both. A pair belongs to the part in which the lower end of what it has in common lies, so that none is
+/// lost or comes twice. In place; time n log n but where most boxes lie on each other, and there most pairs are asked for.
+template <class F>
+void forTouching(std::span<UvBox> boxes, glm::vec2 from, glm::vec2 to, const F& f) {
+  constexpr std::size_t kFew = 12;
+  const auto inPairs = [&] {
+    for (std::size_t i = 1; i < boxes.size(); ++i)
+      for (std::size_t k = 0; k < i; ++k) {
+        const UvBox &a = boxes[i], &b = boxes[k];
+        const glm::vec2 lo = glm::max(a.lo, b.lo), hi = glm::min(a.hi, b.hi);
+        if (lo.x > hi.x || lo.y > hi.y || lo.x < from.x || lo.y < from.y || lo.x >= to.x || lo.y >= to.y) continue;
+        f(a, b);
+      }
+  };
+  if (boxes.size() <= kFew) return inPairs();
+  glm::vec2 first(boxes[0].lo), last(boxes[0].lo);
+  for (const UvBox& b : boxes) {
+    first = glm::min(first, b.lo);
+    last = glm::max(last, b.lo);
+  }
+  const int longer = last.x - first.x >= last.y - first.y ? 0 : 1;
+  for (const int axis : {longer, 1 - longer}) {
+    const auto middle = boxes.begin() + std::ptrdiff_t(boxes.size() / 2);
+    std::nth_element(boxes.begin(), middle, boxes.end(), [axis](const UvBox& a, const UvBox& b) { return a.lo[axis] < b.lo[axis]; });
+    const float at = middle->lo[axis];
+    const auto above = std::size_t(std::ranges::count_if(boxes, [&](const UvBox& b) { return b.hi[axis] >= at; }));
+    if (4 * above > 3 * boxes.size()) continue;
+    glm::vec2 end = to, begin = from;
+    end[axis] = begin[axis] = at;
+    const auto below = std::partition(boxes.begin(), boxes.end(), [&](const UvBox& b) { return b.lo[axis] < at; });
+    forTouching(std::span(boxes.begin(), below), from, end, f);
+    const auto rest = std::partition(boxes.begin(), boxes.end(), [&](const UvBox& b) { return b.hi[axis] < at; });
+    return forTouching(std::span(rest, boxes.end()), begin, to, f);
+  }
+  inPairs();
+}
+
 /// Calls f(a, b, overlap) for pairs of triangles of one map that have inner points in common, a < b, until f returns false. Pairs that
 /// `skip` names are not looked at; false when there were too many to look at all.
 template <class Skip, class F>
 bool forOverlaps(const Scene& scene, const Triangles& triangles, int side, Skip skip, F f) {
-  using Box = CGAL::Box_intersection_d::Box_with_info_d<double, 3, std::uint32_t>;
-  std::vector<Box> boxes;
-  boxes.reserve(triangles.size());
-  for (const std::uint32_t t : triangles) {
-    const auto c = uvCorners(scene, t);
-    const glm::dvec2 lo = glm::min(glm::min(c[0], c[1]), c[2]), hi = glm::max(glm::max(c[0], c[1]), c[2]);
-    const double map = scene.objectOf(t).map;
-    boxes.emplace_back(CGAL::Bbox_3(lo.x, lo.y, map, hi.x, hi.y, map), t);
-  }
   struct Enough {
     bool tooMany;
   };
   std::uint64_t asked = 0;
   const std::uint64_t most = kMostPairs + kPairsATriangle * triangles.size();
-  const auto onPair = [&](const Box& a, const Box& b) {
-    const std::pair<std::uint32_t, std::uint32_t> pair = std::minmax(a.info(), b.info());
+  const auto onPair = [&](const UvBox& one, const UvBox& other) {
+    const auto [a, b] = std::minmax(one.triangle, other.triangle);
     if (++asked > most) throw Enough{true};
-    if (skip(pair.first, pair.second)) return;
-    const auto ca = uvCorners(scene, pair.first), cb = uvCorners(scene, pair.second);
-    if (interiorsMeet(ca, cb) && !f(pair.first, pair.second, overlapOf(ca, cb, side))) throw Enough{false};
+    if (skip(a, b)) return;
+    const auto ca = uvCorners(scene, a), cb = uvCorners(scene, b);
+    if (interiorsMeet(ca, cb) && !f(a, b, overlapOf(ca, cb, side))) throw Enough{false};
   };
+  std::vector<UvBox> boxes;
+  boxes.reserve(triangles.size());
+  for (const std::uint32_t t : triangles) {
+    const glm::uvec3 v = scene.triangles[t];
+    const glm::vec2 &p = scene.mapUv[v.x], &q = scene.mapUv[v.y], &r = scene.mapUv[v.z];
+    boxes.push_back({glm::min(glm::min(p, q), r), glm::max(glm::max(p, q), r), t});
+  }
+  const auto mapOf = [&](const UvBox& b) { return scene.objectOf(b.triangle).map; };
+  if (!std::ranges::is_sorted(boxes, {}, mapOf)) std::ranges::stable_sort(boxes, {}, mapOf);
+  constexpr float kEndless = std::numeric_limits<float>::infinity();
   try {
-    CGAL::box_self_intersection_d(boxes.begin(), boxes.end(), onPair);
+    for (auto first = boxes.begin(); first != boxes.end();) {
+      const auto last = std::find_if(first, boxes.end(), [&, map = mapOf(*first)](const UvBox& b) { return mapOf(b) != map; });
+      forTouching(std::span(first, last), glm::vec2(-kEndless), glm::vec2(kEndless), onPair);
+      first = last;
+    }
   } catch (const Enough& enough) {
     return !enough.tooMany;
   }

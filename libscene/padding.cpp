@@ -86,8 +86,8 @@ class Layout {
 constexpr std::int8_t kFar = 127;
 
 /// Rows down to the nearest covered texel of the same column, upwards where two tie; kFar above kPadding.
-std::vector<std::int8_t> rowsToCovered(const Layout& layout) {
-  std::vector<std::int8_t> rows(std::size_t(layout.side()) * std::size_t(layout.height()), kFar);
+TexelArray<std::int8_t> rowsToCovered(const Layout& layout) {
+  TexelArray<std::int8_t> rows(std::size_t(layout.side()) * std::size_t(layout.height()), kFar);
   std::vector<int> last(std::size_t(layout.side()));
   for (int y = 0; y < layout.height(); ++y) {
     if (y == layout.firstRow(y)) std::ranges::fill(last, -2 * kPadding - layout.height());
@@ -134,7 +134,7 @@ Padding makePadding(const Scene& scene, const Charts& charts, std::span<const st
     if (wanted > 1) out.contested.push_back(texel);
   }
 
-  const std::vector<std::int8_t> rows = rowsToCovered(layout);
+  const TexelArray<std::int8_t> rows = rowsToCovered(layout);
   parallelFor(run, std::size_t(layout.height()), 16, [&](std::size_t row) {
     const int y = int(row);
     for (int x = 0; x < side; ++x) {

@@ -7,6 +7,7 @@
 #include "libscene/charts.h"
 #include "libscene/run.h"
 #include "libscene/scene.h"
+#include "libscene/texel_array.h"
 
 namespace lmc {
 
@@ -14,7 +15,7 @@ namespace lmc {
 inline constexpr int kPadding = 4;
 
 struct Padding {
-  std::vector<std::uint32_t> from;  ///< one a texel: the covered texel whose value it shows, itself where covered; kNone = it shows nothing
+  TexelArray<std::uint32_t> from;  ///< one a texel: the covered texel whose value it shows, itself where covered; kNone = it shows nothing
   /// Texels, in order, that lookups in more than one chart reach: the layout is too tight for a map of this size there. What is covered
   /// stays its chart's; what is not goes to the chart that is nearer.
   std::vector<std::uint32_t> contested;

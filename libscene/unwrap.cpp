@@ -10,6 +10,7 @@
 
 #include "libscene/cut_charts.h"
 #include "libscene/place_charts.h"
+#include "libscene/texel_array.h"
 #include "libscene/tracer.h"
 
 namespace lmc {
@@ -119,19 +120,16 @@ std::vector<std::uint32_t> tightObjects(const Scene& scene, const std::vector<bo
   std::vector<bool> skip(scene.objects.size());
   for (std::uint32_t i = 0; i < scene.objects.size(); ++i) skip[i] = faulty[i] || !receives(scene.objects[i]);
   const std::vector<std::uint32_t> chartOf = connectedByUv(scene, skip).chartOf;
-  std::vector<std::uint32_t> reader(std::size_t(side) * std::size_t(side) * std::size_t(maps),
-                                    kNone);  // the first triangle that reads a texel
+  TexelArray<std::uint32_t> reader;  // the first triangle that reads a texel of one map
   std::vector<double> texels(scene.objects.size(), 0.0), shared(texels);
-  for (std::uint32_t t = 0; t < chartOf.size(); ++t) {
-    if (chartOf[t] == kNone) continue;
-    const std::size_t map = std::size_t(scene.objectOf(t).map) * std::size_t(side);
+  const auto readBy = [&](std::uint32_t t) {
     std::array<glm::dvec2, 3> c = texelCorners(scene, t, side);
     for (glm::dvec2& p : c) p += 0.5;
     // A place in cell (x, y) of the grid of texels' centres reads the four texels about it.
     const auto read = [&](int y, int first, int last) {
       for (int v = std::max(0, y - 1); v <= std::min(side - 1, y); ++v)
         for (int u = std::max(0, first - 1); u <= std::min(side - 1, last); ++u) {
-          std::uint32_t& r = reader[(map + std::size_t(v)) * std::size_t(side) + std::size_t(u)];
+          std::uint32_t& r = reader[std::size_t(v) * std::size_t(side) + std::size_t(u)];
           if (r == kNone) {
             r = t;
             texels[scene.triangleObject[t]] += 1.0;
@@ -142,6 +140,12 @@ std::vector<std::uint32_t> tightObjects(const Scene& scene, const std::vector<bo
         }
     };
     forTouched(c, side + 1, side + 1, read, kNegligibleWeight);
+  };
+  for (int map = 0; map < maps; ++map) {
+    reader.assign(std::size_t(side) * std::size_t(side), kNone);
+    for (const Object& o : scene.objects)
+      for (std::uint32_t t = o.firstTriangle; o.map == std::uint32_t(map) && t < o.firstTriangle + o.triangleCount; ++t)
+        if (chartOf[t] != kNone) readBy(t);
   }
   std::vector<std::uint32_t> tight;
   for (std::uint32_t i = 0; i < texels.size(); ++i)

@@ -48,7 +48,7 @@ Json aoOf(const ao::Openness& o, const ao::Options& options) {
 void bentToTangentSpace(ao::Openness& openness, const Scene& scene, std::span<const glm::vec2> place, int width, int height,
                         const Run& run) {
   Image<glm::vec3> world(width, height);
-  world.pixels = openness.bent;
+  world.pixels.assign(openness.bent.begin(), openness.bent.end());
   const Image<glm::vec3> turned = toTangentSpace(texelFrames(scene, place, width, height, kGutter, run), world);
   // Where there is no frame the normal itself is shown; where nothing was asked, nothing.
   for (std::size_t i = 0; i < openness.bent.size(); ++i)
@@ -166,7 +166,7 @@ class Job {
           "LMC_UV_MISSING");
     const TexelMap texels(scene_, charts, o_.size);
     const Tracer tracer(scene_);
-    const std::vector<std::uint32_t> chart = startMap(scene_, texels, run_).chart;
+    const TexelArray<std::uint32_t> chart = startMap(scene_, texels, run_).chart;
     openness_ = ao::bakeMap(scene_, texels, chart, tracer, o_.ao.how, run_);
     noteDarkness(openness_, o_.ao.how, o_.model, run_);
     if (o_.ao.how.bent && o_.ao.bentInTangentSpace) bentToTangentSpace(openness_, scene_, scene_.mapUv, o_.size, o_.size, run_);
@@ -181,7 +181,7 @@ class Job {
       set.commit();
       return report;
     }
-    const std::vector<float> shown = o_.uniform ? openness_.uniform : ao::withoutRims(openness_, chart, o_.size);
+    const TexelArray<float> shown = o_.uniform ? openness_.uniform : ao::withoutRims(openness_, chart, o_.size);
     const std::vector<std::uint8_t> png = encodePng(pictureOfOpenness(shown, padding, 0, o_.size), false);
     if (o_.out.extension() == ".png") {
       writeBytes(o_.out, png);
@@ -202,7 +202,7 @@ class Job {
     const Tracer tracer(scene_);
     openness_ = ao::bakeVertices(scene_, tracer, o_.ao.how, run_);
     noteDarkness(openness_, o_.ao.how, o_.model, run_);
-    const std::vector<float>& values = o_.uniform ? openness_.uniform : openness_.cosine;
+    const TexelArray<float>& values = o_.uniform ? openness_.uniform : openness_.cosine;
     GltfEdit edit(o_.model, o_.limits);
     // A mesh that several nodes show gets the mean of theirs.
     struct Sum {

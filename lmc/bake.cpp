@@ -1,6 +1,7 @@
 #include "lmc/bake.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <atomic>
@@ -24,6 +25,8 @@ std::atomic<int> stopSignal{0};
 
 std::string figure(double share) { return fmt::format("{:.2f} %", 100.0 * share); }
 
+constexpr std::size_t kManyTriangles = 100'000;  // from there on what a stage takes for itself goes back to the system after it
+
 /// One bake under way.
 struct Work {
   Work(const BakeOptions& options, Progress& p) : progress(p), b(options, runOf(options)) {}
@@ -36,6 +39,7 @@ struct Work {
     raysBefore = b.tracer ? b.tracer->rays() : 0;
     b.summary.clear();
     stage.work(b);
+    if (b.paging || b.scene.triangles.size() > kManyTriangles) ::malloc_trim(0);
     b.run.progress(1.0);
     spoken.stages.push_back({stage.name, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
                              cpuSeconds() - cpu, (b.tracer ? b.tracer->rays() : 0) - raysBefore, b.summary});
@@ -159,6 +163,7 @@ class InTime {
   /// Openness does not depend on the goal: the draft's serves both, and its seconds are known before rounds begin.
   void run(Work& work, Work* before) {
     const auto occludes = [](const StageRow& s) { return s.work == occlude; };
+    if (before) work.b.paging = before->b.paging;
     for (const StageRow& stage : kStages) {
       if (stage.work == hemisphere) {
         if (before) {

@@ -15,16 +15,21 @@ namespace {
 
 // Bytes, measured as peaks of bakes of cornell, gallery and atrium at 256 to 2048 texels a side (docs/stages.md), rounded up.
 constexpr std::uint64_t kProgram = 20 << 20, kThread = 1 << 20;
-constexpr std::uint64_t kTexel = 212;         // state of the map, what hemisphere rays see, cells and guides
-constexpr std::uint64_t kTexelCompact = 176;  // the same with the field's texels put together at each hit
-constexpr std::uint64_t kTexelSolve = 64;     // when stored rays are there
-constexpr std::uint64_t kTriangle = 320;      // ray tracer, charts, places of texels
-constexpr std::uint64_t kPatch = 1500;        // faces, clusters, solutions
+constexpr std::uint64_t kTexel = 212;           // state of the map, what hemisphere rays see, cells and guides
+constexpr std::uint64_t kTexelCompact = 176;    // the same with the field's texels put together at each hit
+constexpr std::uint64_t kTexelSolve = 64;       // when stored rays are there
+constexpr std::uint64_t kTriangle = 140;        // ray tracer, charts, places of texels
+constexpr std::uint64_t kTriangleJoined = 180;  // where it has neighbours: patches, seams
+constexpr std::uint64_t kPatch = 1500;          // faces, clusters, solutions
 constexpr double kPatchesPerSquare = 3.0;
 constexpr double kSquaresAtTwoPercent = 3000.0;
 constexpr std::uint64_t kPatchOfLinks = 3000;  // 25 links a patch, those of the round before beside them
 constexpr std::uint64_t kDensePair = 12;
 constexpr std::uint64_t kMostTiles = 128 << 20;  // that are kept
+// Of texels' state, when it lies in files: what is in work, and what stays in memory of each texel (cells, pools).
+constexpr std::uint64_t kWindow = 96 << 20, kTexelStays = 16;
+// Without --memory: so much, or if the level takes more, so much beside it.
+constexpr std::uint64_t kUnasked = 960 << 20, kUnaskedWindow = 256 << 20;
 
 template <class T>
 std::uint64_t bytes(const std::vector<T>& v) {
@@ -35,10 +40,10 @@ std::uint64_t bytes(const std::vector<T>& v) {
 
 double squaresFor(double goal) { return kSquaresAtTwoPercent * 0.02 / goal; }
 
-MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int maps, bool bounce, std::uint64_t machine_bytes) {
+MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int maps, bool bounce, bool seams, std::uint64_t machine_bytes) {
   std::uint64_t level = bytes(scene.positions_m) + bytes(scene.normals) + bytes(scene.uv0) + bytes(scene.uv1) + bytes(scene.mapUv) +
                         bytes(scene.sourceVertex) + bytes(scene.colors) + bytes(scene.triangles) + bytes(scene.triangleObject) +
-                        kTriangle * scene.triangles.size();
+                        (kTriangle + (bounce || seams ? kTriangleJoined : 0)) * scene.triangles.size();
   for (const auto& image : scene.images) level += 4 * std::uint64_t(image.width) * std::uint64_t(image.height);
   const std::uint64_t texels = std::uint64_t(side) * std::uint64_t(side) * std::uint64_t(maps);
   std::uint64_t patches = 0;
@@ -55,11 +60,15 @@ MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int ma
   MemoryPlan out;
   out.limit_bytes = o.memory_bytes > 0 ? o.memory_bytes : machine_bytes;
   out.wanted_bytes = base + kTexel * texels;
-  out.least_bytes = base + kTexelCompact * texels;
+  const std::uint64_t window = kWindow + (bounce ? kTexelStays * texels : 0);
+  out.least_bytes = base + std::min(kTexelCompact * texels, window);
+  out.held_bytes = o.memory_bytes > 0 ? o.memory_bytes : std::min(machine_bytes, std::max(kUnasked, base + kUnaskedWindow));
   // Half of what is to spare: the more so as the rest of the machine wants something, too.
-  out.tiles_bytes = out.limit_bytes > out.wanted_bytes ? std::min(kMostTiles, (out.limit_bytes - out.wanted_bytes) / 2) : 0;
-  const std::uint64_t beside = base + kTexelSolve * texels + out.tiles_bytes;
-  out.rays_bytes = out.limit_bytes > beside ? out.limit_bytes - beside : 0;
+  const std::uint64_t taken = out.paged() ? out.least_bytes : out.wanted_bytes;
+  out.tiles_bytes = out.held_bytes > taken ? std::min(kMostTiles, (out.held_bytes - taken) / 2) : 0;
+  const std::uint64_t room = out.paged() ? out.held_bytes : out.limit_bytes,
+                      beside = base + std::min(kTexelSolve * texels, out.paged() ? window : kTexelSolve * texels) + out.tiles_bytes;
+  out.rays_bytes = room > beside ? room - beside : 0;
   return out;
 }
 

@@ -21,8 +21,8 @@ void writeMap(OutputFile& file, const Bake& b, int k) {
   const auto side = std::size_t(b.uv.side);
   const std::size_t first = std::size_t(k) * side * side, n = side * side;
   const float scale = b.scales[std::size_t(k)], unit = float(b.lightUnit / double(scale));
-  std::vector<Rgb> total(n), direct(n), indirect(n), error(n);
-  std::vector<float> covered(n);
+  TexelArray<Rgb> total(n), direct(n), indirect(n), error(n);
+  TexelArray<float> covered(n);
   for (std::size_t i = 0; i < n; ++i) {
     covered[i] = b.map.chart[first + i] != kNone ? 1.0f : 0.0f;
     direct[i] = unit * b.values.direct[first + i];
@@ -31,7 +31,7 @@ void writeMap(OutputFile& file, const Bake& b, int k) {
     error[i] = unit * b.values.error[first + i];
   }
   std::vector<ExrChannel> channels{{"A", covered.data(), 1}};
-  const auto add = [&](const std::string& layer, const std::vector<Rgb>& v) {
+  const auto add = [&](const std::string& layer, const TexelArray<Rgb>& v) {
     channels.push_back({layer + "R", &v[0].r, 3});
     channels.push_back({layer + "G", &v[0].g, 3});
     channels.push_back({layer + "B", &v[0].b, 3});
@@ -95,7 +95,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   }
   const bool occlusion = b.openness.asked > 0;
   const std::vector<std::string> openness = mapNames(b, "ao", "exr"), pictures = mapNames(b, "ao", "png");
-  const std::vector<float> shown = occlusion ? ao::withoutRims(b.openness, b.map.chart, b.uv.side) : std::vector<float>();
+  const TexelArray<float> shown = occlusion ? ao::withoutRims(b.openness, b.map.chart, b.uv.side) : TexelArray<float>();
   for (int k = 0; occlusion && k < b.uv.maps; ++k) {
     const std::size_t first = std::size_t(k) * std::size_t(b.uv.side) * std::size_t(b.uv.side);
     OutputFile& map = set.open(openness[std::size_t(k)]);

@@ -49,7 +49,7 @@ class Clock {
 
 /// Blocks of texels spread evenly over those that hold any; all others are as if not covered.
 struct Sample {
-  std::vector<std::uint32_t> chart;
+  TexelArray<std::uint32_t> chart;
   double texels = 0.0, all = 0.0;
 };
 Sample sampleOf(const LightMap& map, int side, std::size_t most) {
@@ -120,11 +120,11 @@ class PilotRun {
       const double ray_s = std::max(kLeastRay_s, (clock.lap() - kDirectTexel_s * all_) / cast);
       out_.direct = forecast(seen.rays, kDirectTexel_s * all_ + ray_s * seen.rays, kDirectSpread);
     }
-    std::vector<Rgb> mean(b_.map.size());
+    const bool bounce = b_.plan.runs(Effect::Bounce), sky = b_.plan.runs(Effect::Sky);
+    TexelArray<Rgb> mean(bounce || sky ? b_.map.size() : 0);
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b_.map.direct[0][i] + b_.map.direct[1][i]);
     const DirectMap known{b_.map.width, b_.map.height, mean.data(), b_.map.chart.data(), &b_.charts, b_.map.edge.data()};
 
-    const bool bounce = b_.plan.runs(Effect::Bounce), sky = b_.plan.runs(Effect::Sky);
     const std::size_t objects = texels_.size();
     ByObject bounced(objects), open(objects), near(objects);
     std::vector<double> light(objects, 0.0);  // mean over channels
@@ -213,8 +213,8 @@ class PilotRun {
   }
 
   /// Returns the light of near hits.
-  ByObject hemisphere(const DirectLight& direct, const Field* field, const std::vector<Rgb>& mean, MapOptions options) {
-    const std::vector<std::uint32_t> whole = b_.map.chart;
+  ByObject hemisphere(const DirectLight& direct, const Field* field, const TexelArray<Rgb>& mean, MapOptions options) {
+    const TexelArray<std::uint32_t> whole = b_.map.chart;
     // The noise of two places is none of the bake's.
     b_.map.direct[0] = b_.map.direct[1] = mean;
     options.interpolate = b_.options.interpolate;
@@ -226,7 +226,7 @@ class PilotRun {
     double cells_s = 0.0;
     const HemisphereForecast told = foretellHemisphere(
         b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, quiet_);
-    b_.map.chart = whole;
+    std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
     const auto size = double(b_.map.size());
     const double rays_s = clock.lap();
     const double ray_s = std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast));
@@ -336,14 +336,14 @@ Pilot runPilot(Bake& b) {
   Pilot out = PilotRun(b).run();
   // As they were before: what a pilot leaves in the map is no part of it.
   for (std::size_t h = 0; h < 2; ++h) {
-    std::ranges::fill(b.map.direct[h], Rgb(0.0f));
+    b.map.direct[h].assign(b.map.size(), Rgb(0.0f));
     b.map.bounced[h] = {};
     b.map.sky[h] = {};
   }
   b.map.coarse = b.map.variance = {};
   b.map.interpolation2 = {};
-  std::ranges::fill(b.map.edge, std::uint8_t(0));
-  std::ranges::fill(b.map.rays, 0u);
+  b.map.edge.assign(b.map.size(), 0);
+  b.map.rays.assign(b.map.size(), 0);
   return out;
 }
 

@@ -240,7 +240,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
   r["seconds"] = seconds;
   r["cpu_seconds"] = cpu;
   r["peak_memory_bytes"] = peakBytes();
-  r["memory"] = {{"limit_bytes", b.memory.limit_bytes}, {"least_bytes", b.memory.least_bytes}, {"compact", b.memory.compactField()}};
+  r["memory"] = {{"limit_bytes", b.memory.limit_bytes}, {"least_bytes", b.memory.least_bytes}, {"compact", b.memory.paged()}};
   Json warnings = Json::array(), notes = Json::array();
   for (const Message& m : spoken.messages)
     (m.level == Message::Level::Warning ? warnings : notes).push_back({{"where", m.where}, {"text", m.text}, {"code", m.code}});

@@ -31,6 +31,8 @@ constexpr double kPatchesNearlyWhite = 400.0;  // squares; the field of such a l
 constexpr std::size_t kDenseNearlyWhite = 1500;
 constexpr double kTailShare = 0.05;  // of the goal, for bounces left out
 constexpr int kLargestMap = 16384;
+// Of the memory that may be held: from there on what can go goes. What comes in meanwhile, and what stacks take, has the rest.
+constexpr double kHeldShare = 0.93;
 constexpr double kWarnImbalance = 0.005, kFailImbalance = 0.05;
 
 Plan planFor(const Bake& b) { return makePlan({b.options.effects, b.options.goal, b.options.passes > 0}, b.facts); }
@@ -132,6 +134,18 @@ void reportUvs(const Bake& b) {
   say(ObjectUv::Fate::Made, "are made");
 }
 
+namespace {
+
+/// For what memory is not to hold: where the outputs go, or where none do, where the system has its temporary files.
+std::filesystem::path scratchFolder(const BakeOptions& o) {
+  std::error_code error;
+  if (std::filesystem::is_directory(o.out, error)) return o.out;
+  const std::filesystem::path temporary = std::filesystem::temp_directory_path(error);
+  return error ? std::filesystem::path(".") : temporary;
+}
+
+}  // namespace
+
 void charts(Bake& b) {
   b.uv = layOut(b.scene, b.options.uv, b.run);
   const int side = b.uv.side;
@@ -139,7 +153,7 @@ void charts(Bake& b) {
     throw Error(Exit::Limit, b.scene.file, "/scenes/0/extras/lmc/lightmap/resolution",
                 fmt::format("a map of {} x {} is above the limit of {}", side, side, kLargestMap), "LMC_MAP_SIZE");
   reportUvs(b);
-  b.memory = planMemory(b.scene, b.options, side, b.uv.maps, b.plan.runs(Effect::Bounce), memoryBytes());
+  b.memory = planMemory(b.scene, b.options, side, b.uv.maps, b.plan.runs(Effect::Bounce), b.plan.runs(Effect::Seams), memoryBytes());
   if (b.memory.least_bytes > b.memory.limit_bytes)
     throw Error(
         Exit::Limit, b.scene.file, "",
@@ -147,13 +161,17 @@ void charts(Bake& b) {
                     side, b.uv.maps == 1 ? "takes" : "take", sizeText(b.memory.least_bytes),
                     b.options.memory_bytes > 0 ? "the limit is" : "this machine has", sizeText(b.memory.limit_bytes)),
         "LMC_MEMORY");
+  if (b.memory.paged() && !b.paging)
+    b.paging = std::make_shared<Paging>(scratchFolder(b.options), std::uint64_t(kHeldShare * double(b.memory.held_bytes)));
   b.charts = findCharts(b.scene, side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, side, b.uv.maps);
   b.texels->keepAtMost(b.memory.tiles_bytes);
   b.map = startMap(b.scene, *b.texels, b.run);
   warnOfLostCharts(b);
-  b.seams = findSeams(b.scene);
-  b.facts.smoothSeams = b.seams.smooth.size();
+  if (b.plan.runs(Effect::Seams)) {  // else somebody does not want them, and the search takes as much memory as the ray tracer
+    b.seams = findSeams(b.scene);
+    b.facts.smoothSeams = b.seams.smooth.size();
+  }
   b.plan = planFor(b);  // what seams there are is known now
   const auto covered = std::size_t(std::ranges::count_if(b.map.chart, [](std::uint32_t c) { return c != kNone; }));
   b.summary = fmt::format("{}{} x {}, {} charts, {} texels covered", b.uv.maps == 1 ? "" : fmt::format("{} maps of ", b.uv.maps), side,
@@ -240,7 +258,7 @@ void patches(Bake& b) {
     return;
   }
   // Two halves of the direct map make one for what hits see.
-  std::vector<Rgb> mean(b.map.size());
+  TexelArray<Rgb> mean(b.map.size());
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b.map.direct[0][i] + b.map.direct[1][i]);
   b.values.direct = std::move(mean);
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
@@ -442,7 +460,7 @@ void solve(Bake& b) {
   const DirectMap seen{b.map.width, b.map.height, b.values.direct.data(), b.map.chart.data(), &b.charts, b.map.edge.data()};
   b.field = std::make_unique<Field>(b.scene, b.patches, seen, *b.texels, b.patchLight,
                                     std::array<const Bounced*, 2>{&b.solutions[0].illuminance, &b.solutions[1].illuminance},
-                                    b.coarseSolution.empty() ? nullptr : &b.coarseSolution, b.run, b.memory.compactField());
+                                    b.coarseSolution.empty() ? nullptr : &b.coarseSolution, b.run, b.memory.paged());
 }
 
 void hemisphere(Bake& b) {

@@ -11,6 +11,7 @@
 #include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
 #include "libradiosity/solve_stored.h"
+#include "libscene/paging.h"
 #include "libscene/unwrap.h"
 #include "lmc/memory.h"
 #include "lmc/plan.h"
@@ -23,6 +24,8 @@ struct Bake {
   Bake(const BakeOptions& o, Run r) : options(o), run(std::move(r)) {}
   const BakeOptions& options;
   Run run;
+
+  std::shared_ptr<Paging> paging;  ///< charts; null where memory holds all; shared by a draft and what follows it
 
   Scene scene;  // load
   Facts facts;  // plan, pilot
@@ -55,7 +58,7 @@ struct Bake {
   nlohmann::ordered_json explained;  ///< null unless asked for
   LightMapValues values;             // finish
   ErrorLedger ledger;
-  std::vector<float> stated;              ///< error of each texel [lx]
+  TexelArray<float> stated;               ///< error of each texel [lx]
   AuditResult audit;                      // audit
   std::vector<float> scales;              ///< one a map: E = stored value * scale
   ao::Openness openness;                  ///< empty when the plan leaves it out

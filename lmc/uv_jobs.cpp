@@ -151,7 +151,7 @@ Exit showInfo(const InfoOptions& options) {
     for (const UvFault& f : state.faults) remarks[f.object] = f.text;
     BakeOptions bake;
     bake.uv = options.uv;
-    const MemoryPlan memory = planMemory(scene, bake, state.layout.side, state.layout.maps, true, memoryBytes());
+    const MemoryPlan memory = planMemory(scene, bake, state.layout.side, state.layout.maps, true, true, memoryBytes());
     if (!options.pictures.empty()) {
       const UvPictures pictures = picturesOf(scene, state.layout);
       OutputSet set(options.pictures);

@@ -13,7 +13,7 @@ namespace {
 
 struct Baked {
   Openness openness;
-  std::vector<std::uint32_t> chart, object;
+  TexelArray<std::uint32_t> chart, object;
   int width = 0;
 
   /// f(texel index) for the covered texels of an object.
@@ -233,7 +233,7 @@ TEST(Openness, NoDarkRimAtTheFootOfAWallOnAnUncutFloor) {
   b.quad(lo + Y, Z, X, m);
   const int side = 128;
   const Baked baked = bake(b.scene, {.error = 0.005}, side);
-  const std::vector<float> shown = withoutRims(baked.openness, baked.chart, side);
+  const TexelArray<float> shown = withoutRims(baked.openness, baked.chart, side);
   std::size_t looked = 0, buried = 0;
   baked.forObject(0, [&](std::size_t i) {
     const double cell = side / 4.0;

@@ -38,7 +38,7 @@ struct Direct {
   LightMap map;
   LightMapValues value;
   ErrorLedger ledger;
-  std::vector<float> stated;
+  TexelArray<float> stated;
 };
 
 TEST(Audit, BouncesThatAMapLacksAreFound) {

@@ -1,0 +1,65 @@
+#pragma once
+/// Large arrays that memory need not hold. While a Paging is at work, blocks of memory that are made lie in files without a name, and what
+/// of them is resident is let go whenever the process holds more than it may; what is read again comes back from the file. No value
+/// depends on when that happens.
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+namespace lmc {
+
+/// Zeroed memory.
+class Block {
+ public:
+  Block() = default;
+  /// Throws std::bad_alloc; Error Limit where the folder of the Paging at work has no room for it, Io where it takes no files.
+  explicit Block(std::size_t bytes);
+  ~Block();
+  Block(Block&& other) noexcept
+      : data_(std::exchange(other.data_, nullptr)), bytes_(std::exchange(other.bytes_, 0)), inFile_(other.inFile_) {}
+  Block& operator=(Block&& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(bytes_, other.bytes_);
+    std::swap(inFile_, other.inFile_);
+    return *this;
+  }
+  void* data() const { return data_; }
+
+ private:
+  void* data_ = nullptr;
+  std::size_t bytes_ = 0;
+  bool inFile_ = false;
+};
+
+/// At work from its making to its end; one at a time. Blocks may outlive it.
+class Paging {
+ public:
+  /// `folder`: of the files, whose room is set aside when a block is made: a disk that fills up later is no trouble. `most_bytes`: that the
+  /// process is to hold resident. Blocks of less than `least_bytes` stay in memory.
+  Paging(std::filesystem::path folder, std::uint64_t most_bytes, std::size_t least_bytes = kLeastPaged_bytes);
+  ~Paging();
+  Paging(const Paging&) = delete;
+  Paging& operator=(const Paging&) = delete;
+
+  /// Lets go of all that is resident of all blocks in files.
+  static void release();
+
+  static constexpr std::size_t kLeastPaged_bytes = 256 << 10;
+
+ private:
+  void keep();
+  std::uint64_t most_bytes_;
+  std::mutex mutex_;  // of done_
+  std::condition_variable ended_;
+  bool done_ = false;
+  std::thread keeper_;
+};
+
+/// Of the process, now; 0 where the system does not tell.
+std::uint64_t residentBytes();
+
+}  // namespace lmc

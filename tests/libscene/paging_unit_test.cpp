@@ -1,0 +1,179 @@
+#include "libscene/paging.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+#include <thread>
+#include <vector>
+
+#include "libscene/error.h"
+#include "libscene/texel_array.h"
+
+namespace lmc {
+namespace {
+
+namespace fs = std::filesystem;
+
+class PagingTest : public testing::Test {
+ protected:
+  PagingTest() : folder_(fs::temp_directory_path() / ("lmc-paging-" + std::to_string(::getpid()))) { fs::create_directories(folder_); }
+  ~PagingTest() override { fs::remove_all(folder_); }
+  bool folderIsEmpty() const { return fs::is_empty(folder_); }
+
+  /// Numbers that tell their place.
+  static TexelArray<std::uint32_t> counted(std::size_t n) {
+    TexelArray<std::uint32_t> out(n);
+    std::iota(out.begin(), out.end(), 1u);
+    return out;
+  }
+  static std::size_t wrong(const TexelArray<std::uint32_t>& a) {
+    std::size_t out = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) out += a[i] != std::uint32_t(i) + 1;
+    return out;
+  }
+
+  static constexpr std::uint64_t kPlenty = std::uint64_t(1) << 40;
+  const fs::path folder_;
+};
+
+TEST_F(PagingTest, ArraysBeginAsZerosAndHoldTheirContentOverAReleaseAtOddSizes) {
+  const Paging paging(folder_, kPlenty, 1);
+  for (const std::size_t n :
+       {std::size_t(0), std::size_t(1), std::size_t(1023), std::size_t(1024), std::size_t(1025), std::size_t(1234567)}) {
+    const TexelArray<std::uint32_t> zeros(n);
+    EXPECT_EQ(std::accumulate(zeros.begin(), zeros.end(), std::uint64_t(0)), 0u) << n;
+    const TexelArray<std::uint32_t> a = counted(n);
+    Paging::release();
+    EXPECT_EQ(wrong(a), 0u) << n;
+    Paging::release();
+    TexelArray<std::uint32_t> copy = a;
+    Paging::release();
+    EXPECT_EQ(copy, a) << n;
+    if (n > 0) {
+      copy[n / 2] = 0;
+      Paging::release();
+      EXPECT_EQ(wrong(copy), 1u) << n;
+    }
+  }
+}
+
+TEST_F(PagingTest, AReleaseMakesThemNotResidentAndReadingBringsThemBack) {
+  constexpr std::uint64_t kBytes = 64 << 20;
+  const Paging paging(folder_, kPlenty);
+  const std::uint64_t before = residentBytes();
+  const TexelArray<std::uint32_t> a = counted(kBytes / 4);
+  EXPECT_GT(residentBytes(), before + kBytes / 2);
+  Paging::release();
+  EXPECT_LT(residentBytes(), before + kBytes / 2);
+  EXPECT_EQ(wrong(a), 0u);
+}
+
+TEST_F(PagingTest, FilesHaveNoNamesAndArraysOutliveThePaging) {
+  TexelArray<std::uint32_t> a;
+  {
+    const Paging paging(folder_, kPlenty);
+    a = counted(1 << 20);
+    EXPECT_TRUE(folderIsEmpty());
+  }
+  Paging::release();
+  EXPECT_EQ(wrong(a), 0u);
+  EXPECT_TRUE(folderIsEmpty());
+}
+
+TEST_F(PagingTest, SmallArraysStayInMemory) {
+  const Paging paging(folder_, kPlenty, std::size_t(1) << 30);
+  const TexelArray<std::uint32_t> a = counted(16 << 20);
+  const std::uint64_t before = residentBytes();
+  Paging::release();
+  EXPECT_GT(residentBytes() + (1 << 20), before);
+}
+
+TEST_F(PagingTest, ThreadsWriteWhileAllIsLetGo) {
+  const Paging paging(folder_, kPlenty);
+  constexpr std::size_t kThreads = 4, kEach = 1 << 20;
+  TexelArray<std::uint32_t> a(kThreads * kEach);
+  std::vector<std::thread> threads;
+  for (std::size_t t = 0; t < kThreads; ++t)
+    threads.emplace_back([&, t] {
+      // Twice, so that what was let go is read and changed.
+      for (std::size_t i = t; i < a.size(); i += kThreads) a[i] += std::uint32_t(i);
+      for (std::size_t i = t; i < a.size(); i += kThreads) a[i] += 1;
+    });
+  for (int k = 0; k < 50; ++k) {
+    Paging::release();
+    std::this_thread::yield();
+  }
+  for (std::thread& t : threads) t.join();
+  EXPECT_EQ(wrong(a), 0u);
+}
+
+TEST_F(PagingTest, TheProcessKeepsToItsMost) {
+  constexpr std::uint64_t kMost = 64 << 20, kArray = 512 << 20;
+  const std::uint64_t base = residentBytes();
+  const Paging paging(folder_, base + kMost);
+  TexelArray<std::uint32_t> a(kArray / 4);
+  std::uint64_t most = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    a[i] = std::uint32_t(i) + 1;
+    if (i % (1 << 18) == 0) most = std::max(most, residentBytes());
+  }
+  EXPECT_EQ(wrong(a), 0u);
+  // The keeper looks when it gets to run: half of the array is far more than it lets pass even on a machine that is busy.
+  EXPECT_LT(most, base + kArray / 2);
+}
+
+TEST_F(PagingTest, AFullDiskIsALimitBeforeAnythingIsWritten) {
+  // What ends a file that grows beyond the limit of its size is told by the same call that finds no room.
+  struct rlimit before {};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
+  const Paging paging(folder_, kPlenty);
+  const rlimit small{8 << 20, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+  try {
+    const TexelArray<std::uint32_t> a(4 << 20);
+    ADD_FAILURE() << "16 MB were set aside in files of at most 8 MB";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.kind, Exit::Limit) << e.what();
+    EXPECT_EQ(e.file, folder_.string());
+  }
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, ignored);
+  EXPECT_TRUE(folderIsEmpty());
+  EXPECT_EQ(wrong(counted(1 << 20)), 0u) << "what fits goes on";
+}
+
+TEST_F(PagingTest, AFolderThatTakesNoFilesIsAnErrorOfOutput) {
+  const Paging paging(folder_ / "missing", kPlenty);
+  try {
+    const TexelArray<std::uint32_t> a(1 << 20);
+    ADD_FAILURE();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.kind, Exit::Io) << e.what();
+  }
+}
+
+TEST(TexelArray, IsAValue) {
+  TexelArray<float> a(3, 2.5f), b = a;
+  EXPECT_EQ(a, b);
+  b[1] = 1.0f;
+  EXPECT_NE(a, b);
+  TexelArray<float> c = std::move(b);
+  EXPECT_EQ(c[1], 1.0f);
+  EXPECT_TRUE(b.empty());  // NOLINT(bugprone-use-after-move): what a moved array is, is said
+  c.assign(2, -0.0f);
+  EXPECT_EQ(c.size(), 2u);
+  EXPECT_TRUE(std::signbit(c[1]));
+  c = {};
+  EXPECT_TRUE(c.empty());
+  EXPECT_EQ(c, TexelArray<float>());
+}
+
+}  // namespace
+}  // namespace lmc
