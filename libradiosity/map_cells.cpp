@@ -297,7 +297,7 @@ MapCells::Estimate MapCells::estimate(const std::function<double(std::size_t tex
   const double n = double(blocks.size()), mean = out.sum / (standsFor_ * std::max(1.0, n));
   double squares = 0.0;
   for (const auto& [id, sum] : blocks) squares += (sum - mean) * (sum - mean);
-  if (n > 1.0) out.standardError = standsFor_ * std::sqrt(squares * n / (n - 1.0) * (1.0 - 1.0 / standsFor_));
+  if (n > 1.0) out.standardError = standsFor_ * std::sqrt(squares * n / (n - 1.0) * std::max(0.0, 1.0 - 1.0 / standsFor_));
   return out;
 }
 
