@@ -36,7 +36,7 @@ struct Footprint {
 /// The tangents of the whole scene, three a triangle.
 tangent::Tangents tangentsOf(const Scene& s, const Run& run) {
   static_assert(sizeof(glm::uvec3) == 3 * sizeof(std::uint32_t));
-  return tangent::compute({s.positions_m, s.normals, s.uv0, {&s.triangles.data()->x, 3 * s.triangles.size()}, {}}, tangentLoop(run));
+  return tangentsOf({s.positions_m, s.normals, s.uv0, {&s.triangles.data()->x, 3 * s.triangles.size()}, {}}, run);
 }
 
 TexelFrame frameAt(const Scene& s, const tangent::Tangents& tangents, std::uint32_t triangle, glm::dvec2 w) {

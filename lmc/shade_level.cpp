@@ -101,7 +101,7 @@ void makeTangents(ShadingLevel& level, std::uint32_t index, const Run& run) {
     normals.push_back(level.normals[v]);
     uvs.emplace_back(texture.transform * glm::vec3(texture.uvSet == 0 || s.uv1.empty() ? s.uv0[v] : s.uv1[v], 1.0f));
   }
-  const tangent::Tangents made = tangent::compute({positions, normals, uvs, indices, {}}, tangentLoop(run));
+  const tangent::Tangents made = tangentsOf({positions, normals, uvs, indices, {}}, run);
   for (std::uint32_t c = 0; c < from.size(); ++c)
     level.tangents[object.firstVertex + c] = glm::vec4(made.corners[c].tangent, made.corners[c].determinant);
   for (std::uint32_t t = 0; t < object.triangleCount; ++t) {

@@ -195,7 +195,7 @@ class Adder {
         const glm::vec2 at = uvs.at({corners.uvs[v], corners.uvs[v + 1]});
         corners.uvs[v] = at.x, corners.uvs[v + 1] = at.y;
       }
-    const tangent::Tangents got = tangent::compute(corners.surface(), tangentLoop(run_));
+    const tangent::Tangents got = tangentsOf(corners.surface(), run_);
     for (const tangent::MendedCorner& m : got.mended) ++report.mended[std::size_t(m.why)];
     const Split parts = split(corners.indices, got.corners, options_.greenDown ? -1.0f : 1.0f);
 

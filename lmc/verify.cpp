@@ -181,9 +181,8 @@ Result resultOf(const std::string& id, const char* kind, const TangentVerdict& v
 
 /// A file of tangent vectors is two cases: exact mode against the reference, and safe mode against its promises.
 std::vector<Result> runTangents(const std::string& id, const TangentVectors& vectors, const Run& run) {
-  const tangent::Loop loop = tangentLoop(run);
-  const tangent::ReferenceTangents exact = tangent::computeReference(vectors.surface(), loop);
-  const tangent::Tangents safe = tangent::compute(vectors.surface(), loop);
+  const tangent::ReferenceTangents exact = referenceTangentsOf(vectors.surface(), run);
+  const tangent::Tangents safe = tangentsOf(vectors.surface(), run);
   return {resultOf(id, "tangent/exact", judgeExact(vectors, exact)), resultOf(id, "tangent/safe", judgeSafe(vectors, exact, safe))};
 }
 
