@@ -33,7 +33,7 @@ constexpr double kLeastRay_s = 0.05e-6;
 constexpr double kFinerPatches = 3.5, kMeshAgain = 3.0, kLightAgain = 3.0;
 // Spread of what comes out of these, beside what sampling leaves: standard deviations of the logarithm.
 constexpr double kFewBlocks = 1.4;
-constexpr double kDirectSpread = 0.15, kPatchSpread = 0.3, kGatherSpread = 0.2, kAoSpread = 0.15, kSeamSpread = 0.5;
+constexpr double kDirectSpread = 0.2, kPatchSpread = 0.3, kGatherSpread = 0.2, kAoSpread = 0.2, kSeamSpread = 0.5;
 
 class Clock {
  public:
