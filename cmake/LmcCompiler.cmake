@@ -14,8 +14,9 @@ endif()
 add_library(lmc_warnings INTERFACE)
 # A fused multiply-add rounds once where two operations round twice: with it the bytes of a map would depend on the compiler's mood.
 # GCC 12 divides two neighbouring floats as a vector of four whose other half is what happened to lie there: a zero by a zero of leftovers
-# ends a program whose floats trap (libscene/float_traps.h).
-target_compile_options(lmc_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -ffp-contract=off -fno-tree-slp-vectorize
+# ends a program whose floats trap (libscene/float_traps.h). A target with the property LMC_IDLE_LANES may do so.
+target_compile_options(lmc_warnings INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -ffp-contract=off
+                                              $<$<NOT:$<BOOL:$<TARGET_PROPERTY:LMC_IDLE_LANES>>>:-fno-tree-slp-vectorize>
                                               $<$<BOOL:${LMC_WERROR}>:-Werror>)
 target_include_directories(lmc_warnings INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(lmc_warnings INTERFACE GLM_ENABLE_EXPERIMENTAL GLM_FORCE_EXPLICIT_CTOR)

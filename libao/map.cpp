@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <memory>
 #include <numeric>
-#include <unordered_map>
 
 #include "libao/rounds.h"
 #include "libscene/journal.h"
@@ -15,21 +14,6 @@ namespace {
 constexpr int kPoolSide = 4;      // texels
 constexpr double kOpen = 0.05;    // beside less, a dark rim would hardly show
 constexpr double kDarker = 0.25;  // than the most open neighbour
-
-/// Blocks of texels of one chart.
-std::uint32_t makePools(std::span<const std::uint32_t> chart, int width, std::span<std::uint32_t> poolOf) {
-  std::unordered_map<std::uint64_t, std::uint32_t> known;  // of the row of blocks
-  std::uint32_t pools = 0;
-  for (std::size_t i = 0; i < chart.size(); ++i) {
-    if (i % (kPoolSide * std::size_t(width)) == 0) known.clear();
-    if (chart[i] == kNone) continue;
-    const auto x = i % std::size_t(width) / kPoolSide, y = i / std::size_t(width) / kPoolSide;
-    const auto [it, fresh] = known.try_emplace(combine(chart[i], x << 32 | y), pools);
-    pools += fresh;
-    poolOf[i] = it->second;
-  }
-  return pools;
-}
 
 /// f(j) for the eight neighbours of a texel in its chart.
 template <class F>
@@ -63,8 +47,8 @@ class MapBaker {
         run_(run),
         tracer_(tracer),
         hemisphere_(tracer, options),
-        poolOf_(chart.size(), kNone) {
-    pools_ = makePools(chart, texels.width(), poolOf_);
+        poolOf_(chart.size()),
+        pools_(numberChartBlocks(chart, texels.width(), kPoolSide, poolOf_)) {
     sums_ = TexelArray<Sums>(chart.size());  // all zeros is what a texel without rays has
     bent_ = TexelArray<glm::vec3>(options.bent ? chart.size() : 0);
   }
@@ -98,7 +82,7 @@ class MapBaker {
   std::uint64_t forTexels(const Run& part, const Wanted& wanted, const F& f) {
     std::vector<std::uint64_t> rays(texels_.tileCount(), 0);
     parallelFor(part, texels_.tileCount(), 1, [&](std::size_t t) {
-      const std::vector<std::size_t> asked = part.journal ? texelsOf(t, wanted) : std::vector<std::size_t>();
+      const std::vector<std::size_t> asked = part.journal ? texels_.texelsOf(t, wanted) : std::vector<std::size_t>();
       if (part.journal && asked.empty()) return;
       Journaled kept(part, tracer_, {Loop::Openness, round_, std::uint32_t(t)}, [&](auto& archive) { keep(asked, rays[t], archive); });
       if (kept.taken()) return;
@@ -118,17 +102,6 @@ class MapBaker {
     });
     ++round_;
     return std::accumulate(rays.begin(), rays.end(), std::uint64_t(0));
-  }
-
-  /// Those of a tile that are wanted.
-  template <class Wanted>
-  std::vector<std::size_t> texelsOf(std::size_t t, const Wanted& wanted) const {
-    std::vector<std::size_t> out;
-    const std::size_t x0 = t % std::size_t(texels_.tilesX()) * kTile, y0 = t / std::size_t(texels_.tilesX()) * kTile;
-    for (std::size_t y = y0; y < std::min(y0 + kTile, std::size_t(texels_.height())); ++y)
-      for (std::size_t x = x0; x < std::min(x0 + kTile, std::size_t(texels_.width())); ++x)
-        if (const std::size_t i = y * std::size_t(texels_.width()) + x; wanted(i)) out.push_back(i);
-    return out;
   }
 
   /// All that rays of these texels change.

@@ -79,17 +79,8 @@ class HemisphereBaker {
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
     if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
     static_assert(kTile % kGuideBlock == 0);
-    guideOf_.assign(map.size(), kNone);
-    std::unordered_map<std::uint64_t, std::uint32_t> known;  // of the row of blocks
-    std::uint32_t guides = 0;
-    for (std::size_t i = 0; i < map.size(); ++i) {
-      if (i % (kGuideBlock * std::size_t(map.width)) == 0) known.clear();
-      if (map.chart[i] == kNone) continue;
-      const auto x = i % std::size_t(map.width) / kGuideBlock, y = i / std::size_t(map.width) / kGuideBlock;
-      const auto [it, fresh] = known.try_emplace(combine(map.chart[i], x << 32 | y), guides);
-      guides += fresh;
-      guideOf_[i] = it->second;
-    }
+    guideOf_ = TexelArray<std::uint32_t>(map.size());
+    const std::uint32_t guides = numberChartBlocks(map.chart, map.width, kGuideBlock, guideOf_);
     guides_ = TexelArray<Guide>(guides);  // a guide that knows nothing is all zeros
   }
 
@@ -216,7 +207,8 @@ class HemisphereBaker {
     for (std::size_t i = 0; i < wanted_.size() && !any; ++i) any = wanted_[i] > map_.rays[i];
     if (!any) return false;
     parallelFor(run_.part(from, to), texels_.tileCount(), 1, [&](std::size_t t) {
-      const std::vector<std::size_t> asked = run_.journal ? wantedOf(t) : std::vector<std::size_t>();
+      const auto wanted = [this](std::size_t i) { return wanted_[i] > map_.rays[i]; };
+      const std::vector<std::size_t> asked = run_.journal ? texels_.texelsOf(t, wanted) : std::vector<std::size_t>();
       if (run_.journal && asked.empty()) return;
       DirectLight::Tally cast(gather_.direct());
       Journaled kept(run_, tracer_, {Loop::Hemisphere, round_, std::uint32_t(t)}, [&](auto& a) { keep(asked, cast.rays, a); });
@@ -248,16 +240,6 @@ class HemisphereBaker {
     ++round_;
     parallelFor(Run{run_.threads, run_.seed, {}, {}}, guides_.size(), 16, [&](std::size_t g) { guides_[g].build(); });
     return true;
-  }
-
-  /// The texels of a tile that want rays.
-  std::vector<std::size_t> wantedOf(std::size_t t) const {
-    std::vector<std::size_t> out;
-    const std::size_t x0 = t % std::size_t(texels_.tilesX()) * kTile, y0 = t / std::size_t(texels_.tilesX()) * kTile;
-    for (std::size_t y = y0; y < std::min(y0 + kTile, std::size_t(map_.height)); ++y)
-      for (std::size_t x = x0; x < std::min(x0 + kTile, std::size_t(map_.width)); ++x)
-        if (const std::size_t i = y * std::size_t(map_.width) + x; wanted_[i] > map_.rays[i]) out.push_back(i);
-    return out;
   }
 
   /// All that rays of these texels, a tile's, change: sums, what guides are told, and rays to each lamp.

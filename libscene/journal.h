@@ -171,8 +171,7 @@ class Journaled {
   bool taken() const { return taken_; }
   void put() {
     if (!journal_) return;
-    const RayCounts now = counts();
-    for (std::size_t p = 0; p < now.size(); ++p) cast_[p] = now[p] - cast_[p];
+    cast_ = counts() - cast_;
     ArchiveWriter writer(payload_);
     keep(writer);
     journal_->put(place_, payload_);
@@ -184,7 +183,7 @@ class Journaled {
     archive(cast_);
     state_(archive);
   }
-  RayCounts counts() const { return threads_ == WorkOf::All ? tracer_.counts() : Tracer::castByThisThread(); }
+  CastCounts counts() const { return threads_ == WorkOf::All ? tracer_.counts() : Tracer::castByThisThread(); }
 
   Journal* journal_;
   const Tracer& tracer_;
@@ -192,7 +191,7 @@ class Journaled {
   State state_;
   WorkOf threads_;
   bool taken_ = false;
-  RayCounts cast_{};
+  CastCounts cast_{};
   std::vector<std::uint8_t> payload_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <unordered_map>
 
 #include "libscene/polygon2.h"
 #include "libscene/tracer.h"
@@ -165,6 +166,21 @@ TexelMap::TexelMap(const Scene& scene, const Charts& charts, int side, int maps)
   triangles_.resize(first_.back());
   std::vector<std::uint32_t> next(first_.begin(), first_.end() - 1);
   forTiles([&](std::size_t tile, std::uint32_t t) { triangles_[next[tile]++] = t; });
+}
+
+std::uint32_t numberChartBlocks(std::span<const std::uint32_t> chart, int width, int side, std::span<std::uint32_t> blockOf) {
+  std::unordered_map<std::uint64_t, std::uint32_t> known;  // of the row of blocks
+  std::uint32_t blocks = 0;
+  for (std::size_t i = 0; i < chart.size(); ++i) {
+    const std::size_t x = i % std::size_t(width), y = i / std::size_t(width);
+    if (x == 0 && y % std::size_t(side) == 0) known.clear();
+    blockOf[i] = kNone;
+    if (chart[i] == kNone) continue;
+    const auto [it, fresh] = known.try_emplace(std::uint64_t(chart[i]) << 32 | x / std::size_t(side), blocks);
+    blocks += fresh;
+    blockOf[i] = it->second;
+  }
+  return blocks;
 }
 
 std::shared_ptr<const TexelTile> TexelMap::held(std::size_t tile) const {

@@ -1,8 +1,10 @@
 #pragma once
 /// Texels of a light map, made tile by tile on demand: which part of the texel's square its chart covers, and places to sample in it.
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -91,6 +93,10 @@ class TexelSampler {
   std::vector<Facet> facets_;  // one a fragment
 };
 
+/// Numbers the blocks of side x side texels of each chart as rows from the top meet them; kNone where no chart is. Returns how many there
+/// are.
+std::uint32_t numberChartBlocks(std::span<const std::uint32_t> chart, int width, int side, std::span<std::uint32_t> blockOf);
+
 /// All texels of a level's square maps, which lie one below the other.
 class TexelMap {
  public:
@@ -104,6 +110,16 @@ class TexelMap {
   TexelTile texels(std::size_t tile) const;
   /// The same; stages come back to a tile many times, and find it as it was while all that are kept fit into keepAtMost(). Thread-safe.
   std::shared_ptr<const TexelTile> held(std::size_t tile) const;
+  /// Those texels of a tile, rows from the top, for which want(index in the map) holds.
+  template <class Want>
+  std::vector<std::size_t> texelsOf(std::size_t tile, const Want& want) const {
+    std::vector<std::size_t> out;
+    const int x0 = int(tile % std::size_t(tilesX())) * kTile, y0 = int(tile / std::size_t(tilesX())) * kTile;
+    for (int y = y0; y < std::min(y0 + kTile, height_); ++y)
+      for (int x = x0; x < std::min(x0 + kTile, width_); ++x)
+        if (const std::size_t i = std::size_t(y) * std::size_t(width_) + std::size_t(x); want(i)) out.push_back(i);
+    return out;
+  }
   void keepAtMost(std::uint64_t bytes) { mayKeep_bytes_ = bytes; }
 
  private:

@@ -291,24 +291,36 @@ void Tracer::preferFronts(std::span<const Ray> rays, std::span<Hit> hits) const 
 }
 
 namespace {
-thread_local RayCounts castHere{};
+thread_local CastCounts castHere;
+}
+
+CastCounts CastCounts::operator-(const CastCounts& o) const {
+  CastCounts out = *this;
+  for (std::size_t p = 0; p < rays.size(); ++p) out.rays[p] -= o.rays[p];
+  out.holeTests -= o.holeTests;
+  return out;
 }
 
 void Tracer::count(Purpose purpose, std::uint64_t rays) const {
   counts_[std::size_t(purpose)].fetch_add(rays, std::memory_order_relaxed);
-  castHere[std::size_t(purpose)] += rays;
-  if (holeTestsOfThread > 0) holeTests_.fetch_add(std::exchange(holeTestsOfThread, 0), std::memory_order_relaxed);
+  castHere.rays[std::size_t(purpose)] += rays;
+  if (holeTestsOfThread == 0) return;
+  const std::uint64_t tests = std::exchange(holeTestsOfThread, 0);
+  holeTests_.fetch_add(tests, std::memory_order_relaxed);
+  castHere.holeTests += tests;
 }
 
-RayCounts Tracer::castByThisThread() { return castHere; }
+CastCounts Tracer::castByThisThread() { return castHere; }
 
-void Tracer::countAsCast(const RayCounts& rays) const {
-  for (std::size_t p = 0; p < rays.size(); ++p) counts_[p].fetch_add(rays[p], std::memory_order_relaxed);
+void Tracer::countAsCast(const CastCounts& cast) const {
+  for (std::size_t p = 0; p < cast.rays.size(); ++p) counts_[p].fetch_add(cast.rays[p], std::memory_order_relaxed);
+  holeTests_.fetch_add(cast.holeTests, std::memory_order_relaxed);
 }
 
-RayCounts Tracer::counts() const {
-  RayCounts out{};
-  for (std::size_t p = 0; p < out.size(); ++p) out[p] = counts_[p].load();
+CastCounts Tracer::counts() const {
+  CastCounts out;
+  for (std::size_t p = 0; p < out.rays.size(); ++p) out.rays[p] = counts_[p].load();
+  out.holeTests = holeTests_.load();
   return out;
 }
 

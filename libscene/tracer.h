@@ -29,7 +29,12 @@ enum class Purpose : std::uint8_t {
 inline constexpr std::array kPurposeNames{"shadow", "emitter",    "sky",    "gather", "near",      "exposure", "patch-sky",
                                           "shoot",  "visibility", "camera", "cells",  "occlusion", "audit"};
 
-using RayCounts = std::array<std::uint64_t, kPurposeNames.size()>;  ///< one a purpose
+/// What was traced.
+struct CastCounts {
+  std::array<std::uint64_t, kPurposeNames.size()> rays{};  ///< one a purpose
+  std::uint64_t holeTests = 0;                             ///< looks at the alpha of Mask materials
+  CastCounts operator-(const CastCounts&) const;
+};
 
 struct Ray {
   glm::vec3 origin_m, direction;  ///< any length; tFar counts in lengths of direction
@@ -81,9 +86,9 @@ class Tracer {
 
   std::uint64_t rays(Purpose) const;
   std::uint64_t rays() const;  ///< of all purposes
-  RayCounts counts() const;
-  static RayCounts castByThisThread();                               ///< so far, by any tracer
-  void countAsCast(const RayCounts&) const;                          ///< rays whose results came from a journal
+  CastCounts counts() const;
+  static CastCounts castByThisThread();                              ///< so far, by any tracer
+  void countAsCast(const CastCounts&) const;                         ///< rays whose results came from a journal
   std::uint64_t holeTests() const { return holeTests_.load(); }      ///< looks at the alpha of Mask materials
   std::uint32_t degenerateTriangles() const { return degenerate_; }  ///< left out: their area is below 1e-12 of the longest edge squared
   std::uint64_t bytes() const;                                       ///< held by Embree

@@ -12,6 +12,7 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 constexpr const char* kFirstForetold = "direct";  // the stage after the pilot
+constexpr double kUnrest_s = 0.03;                // by which two bakes of the same level differ, however short
 
 /// The stages in which an effect is simulated.
 std::vector<std::string_view> stagesOf(Effect effect) {
@@ -125,8 +126,8 @@ Json forecastOf(const Bake& b, const std::vector<StageTime>& stages) {
   const auto [before, after] = aroundForecast(stages);
   const Forecast f = b.facts.pilot ? forecastOf(b.plan, *b.facts.pilot) : Forecast{};
   Json out = {{"cpu_seconds", before.cpu_s + f.cpu_s},
-              {"least_cpu_seconds", before.cpu_s + f.least_s},
-              {"most_cpu_seconds", before.cpu_s + f.most_s},
+              {"least_cpu_seconds", std::max(0.0, before.cpu_s + f.least_s - kUnrest_s)},
+              {"most_cpu_seconds", before.cpu_s + f.most_s + kUnrest_s},
               {"rays", before.rays + f.rays},
               {"memory_bytes", b.memory.wanted_bytes}};
   if (b.facts.pilot) out["pilot"] = {{"cpu_seconds", b.facts.pilot->cpu_s}, {"rays", b.facts.pilot->rays}};

@@ -171,6 +171,20 @@ class Records(Case):
                 self.assert_outputs(expected, f"bit {bit}")
 
 
+class Masked(Case):
+    LEVEL = "textured.gltf"
+
+    def test_looks_at_holes_come_back_with_their_rays(self):
+        expected, report = self.undisturbed()
+        self.assertGreater(report["alpha_tests"], 0)
+        self.place(self.bake_a_journal())
+        self.bake()
+        self.assert_outputs(expected, "all tiles are there")
+        self.assertGreater(self.report()["resume"]["tiles_taken"], 0)
+        self.assertEqual(self.report()["rays"], report["rays"])
+        self.assertEqual(self.report()["alpha_tests"], report["alpha_tests"])
+
+
 class Others(Case):
     def test_a_journal_of_something_else_is_named_and_discarded(self):
         own = self.path("level.glb")

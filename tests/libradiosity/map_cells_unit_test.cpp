@@ -205,6 +205,31 @@ TEST(MapCells, WhatStandsBetweenCornersIsFound) {
     }
 }
 
+TEST(MapCells, ASampleStandsForTheWholeMap) {
+  Map m(ofAllShapes(), 512);
+  std::vector<std::uint8_t> whole(m.map.size());
+  double count = 0.0, sum = 0.0;
+  const auto value = [&](std::size_t i) { return 2.0 + std::sin(0.02 * m.x(i)) * std::cos(0.03 * m.y(i)); };
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    if (!m.cells.gathered(i)) continue;
+    whole[i] = 1;
+    count += 1.0;
+    sum += value(i);
+  }
+  std::vector<std::uint32_t> chart(m.map.chart.begin(), m.map.chart.end());
+  m.cells.sample(0.2, chart);
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    EXPECT_TRUE(chart[i] == kNone || chart[i] == m.map.chart[i]) << i;
+    if (m.cells.gathered(i)) EXPECT_TRUE(whole[i] && chart[i] != kNone) << i;
+  }
+  EXPECT_LT(double(m.gathered()), 0.5 * count);
+  // Points are known by number, so that their estimate is no estimate; another sum is met as the blocks differ.
+  EXPECT_NEAR(m.cells.estimate([](std::size_t) { return 1.0; }).sum, count, 1e-9 * count);
+  const MapCells::Estimate e = m.cells.estimate(value);
+  EXPECT_GT(e.standardError, 0.0);
+  EXPECT_NEAR(e.sum, sum, 4.0 * e.standardError);
+}
+
 TEST(MapCells, RectangularChartsStartWithoutLooseBorders) {
   // A chart of w x h texels is cut evenly into ceil((w - 1)/16) x ceil((h - 1)/16) cells, each halved once along both axes.
   for (const int side : {16, 32, 64, 96, 160}) {

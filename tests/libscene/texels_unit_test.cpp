@@ -72,6 +72,20 @@ TEST(Texels, SamplesStayInTheCoveredPartAndFillItEvenly) {
   }
 }
 
+TEST(Texels, BlocksOfAChartAreNumberedAsRowsMeetThem) {
+  constexpr std::uint32_t o = kNone;
+  const std::vector<std::uint32_t> chart{0, 0, 0, o, 1, 1,  //
+                                         0, o, 0, o, 0, 1,  //
+                                         1, 1, o, o, o, o,  //
+                                         1, 0, o, o, o, 0};
+  std::vector<std::uint32_t> block(chart.size());
+  EXPECT_EQ(numberChartBlocks(chart, 6, 2, block), 7u);
+  EXPECT_EQ(block, (std::vector<std::uint32_t>{0, 0, 1, o, 2, 2,  //
+                                               0, o, 1, o, 3, 2,  //
+                                               4, 4, o, o, o, o,  //
+                                               4, 5, o, o, o, 6}));
+}
+
 TEST(Texels, ApronKnowsTheNeighbourTile) {
   const int side = 128;
   const Scene scene = chartAt({0.0f, 0.0f}, {128.0f, 128.0f}, side);
