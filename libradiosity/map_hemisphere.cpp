@@ -23,14 +23,17 @@ constexpr double kMeanRaysAtTwoPercent = 1024.0;
 constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
 constexpr double kBudget = 0.95;             // of the goal: what is foretold wavers
 constexpr double kObjectBudget = 0.9;        // of an object's: estimates of small ones waver more
-constexpr double kUsualField = 0.12;         // of the goal: what the bound of patches takes in most levels
+constexpr double kUsualField = 0.12;         // of a budget: what the bound of patches takes in most levels
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
 constexpr double kLargeInterpolation = 0.25;           // of an object's budget
 constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
 constexpr double kDimPlace = 0.03;
-constexpr double kLargeChart = 0.01;  // of the level's texels
+constexpr double kLargeChart = 0.01;    // of the level's texels
+constexpr double kHopeless = 2.0;       // of the least variance that there can be
+constexpr std::size_t kFewPools = 100;  // of a sample
+constexpr double kTogether = 0.5;       // of their limits: what groups with a limit each have in the mean, for most stay below (measured)
 // A point whose own halves are so many goals off, against its light, has met what is rare and bright, and would show as a speckle: it gets
 // so many times its rays.
 constexpr double kSpeckle = 10.0;
@@ -51,6 +54,7 @@ struct Pool {
   double illuminance = 0.0;           ///< mean over the texels spoken for, direct light included [lx]
   double bounced = 0.0;               ///< the part of it that comes by bounces
   glm::dvec3 drift{0.0};              ///< mean change when light is read from patches of twice the size [lx]
+  double unit = 1.0;                  ///< what its variance is counted in [lx^2]
   double wanted = 0.0;                ///< rays each half after the next round
 };
 
@@ -75,6 +79,16 @@ class HemisphereBaker {
     }
     map.coarse.assign(map.size(), Rgb(0.0f));
     map.near.assign(map.size(), 0);
+    // Of the whole map: a small chart of which a sample has a block is none the larger for it.
+    std::vector<double> texelsOf;
+    double all = 0.0;
+    for (const std::uint32_t c : map.chart) {
+      if (c == kNone) continue;
+      if (c >= texelsOf.size()) texelsOf.resize(c + 1, 0.0);
+      texelsOf[c] += 1.0;
+      all += 1.0;
+    }
+    for (const double n : texelsOf) large_.push_back(n >= kLargeChart * all);
     if (options.sampled < 1.0) near_ = TexelArray<Near>(map.size());
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
     if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
@@ -359,18 +373,21 @@ class HemisphereBaker {
     constexpr double a = kSobolExponent;
     if (!(mean_ > 0.0)) return;
     const auto raysAt = [&](const Pool& p, double kappa) {
-      return std::clamp(kappa * std::pow(p.influence / p.points * p.variance1, 1.0 / (1.0 + 2.0 * a)), p.rays, double(kMostRays));
+      return std::clamp(kappa * std::pow(p.influence / p.points * p.variance1 / p.unit, 1.0 / (1.0 + 2.0 * a)), p.rays, double(kMostRays));
     };
     const auto solve = [&](std::span<const std::uint32_t> ids, double allowedVariance) {
       const auto noise = [&](double kappa) {
         double sum = 0.0, texels = 0.0;
         for (const std::uint32_t i : ids) {
-          sum += pools_[i].influence * pools_[i].variance1 * std::pow(raysAt(pools_[i], kappa), -2.0 * a);
+          const Pool& p = pools_[i];
+          sum += p.influence * p.variance1 / p.unit * std::pow(raysAt(p, kappa), -2.0 * a);
           texels += pools_[i].texels;
         }
         return sum / texels;
       };
       double lo = 1e-6, hi = 1e12;
+      // A point that cannot be mended by all the rays that it may have is no reason to give as many to the others.
+      allowedVariance = std::max(allowedVariance, kHopeless * noise(hi));
       if (noise(lo) <= allowedVariance) return lo;
       for (int step = 0; step < 60; ++step) {
         const double mid = std::sqrt(lo * hi);
@@ -403,7 +420,7 @@ class HemisphereBaker {
         bounced += p.texels * p.bounced;
       }
       // A sample's drift is mostly noise, and that of coarser patches than the bake's.
-      const double field = options_.sampled < 1.0 ? kUsualField * goal_ * mean_ : kFieldBound * kFieldShare * std::sqrt(field2 / spoken);
+      const double field = options_.sampled < 1.0 ? kUsualField * budget : kFieldBound * kFieldShare * std::sqrt(field2 / spoken);
       const double others = std::sqrt(interpolation2Sum / texelsOf) + field + options_.tail * bounced / spoken + options_.leftOut * mean_;
       const double noise = std::max((budget - others) / noise95(points / options_.sampled), kLeastNoise * budget);
       return std::max(noise * noise - directVarianceOf, 0.5 * noise * noise);
@@ -423,20 +440,41 @@ class HemisphereBaker {
     for (Pool& p : pools_) p.wanted = p.rays;
     give(all,
          solve(all, noiseFor(kBudget * goal_ * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels, levelVariance)));
-    for (std::size_t o = 0; o < byObject.size(); ++o) {
-      if (byObject[o].empty()) continue;
-      give(byObject[o],
-           solve(byObject[o], noiseFor(kObjectBudget * budgetOf(o), byObject[o], between[o], objectTexels_[o], directVariance[o])));
-    }
-    for (const auto& ids : byChart) {
+    // In a sample those with few pools know too little of their own noise: together, each in units of what it may have.
+    struct Limited {
+      std::span<const std::uint32_t> ids;
+      double allowedVariance;
+    };
+    const auto giveEach = [&](std::span<const Limited> groups) {
+      std::vector<std::uint32_t> together;
+      for (const auto& [ids, allowed] : groups) {
+        if (options_.sampled == 1.0 || ids.size() >= kFewPools) {
+          give(ids, solve(ids, allowed));
+          continue;
+        }
+        for (const std::uint32_t i : ids) pools_[i].unit = allowed;
+        together.insert(together.end(), ids.begin(), ids.end());
+      }
+      if (!together.empty()) give(together, solve(together, kTogether));
+      for (const std::uint32_t i : together) pools_[i].unit = 1.0;
+    };
+    std::vector<Limited> limited;
+    for (std::size_t o = 0; o < byObject.size(); ++o)
+      if (!byObject[o].empty())
+        limited.push_back(
+            {byObject[o], noiseFor(kObjectBudget * budgetOf(o), byObject[o], between[o], objectTexels_[o], directVariance[o])});
+    giveEach(limited);
+    limited.clear();
+    for (std::size_t c = 0; c < byChart.size(); ++c) {
+      if (byChart[c].empty() || !large_[c]) continue;
       double own = 0.0, count = 0.0;
-      for (const std::uint32_t i : ids) {
+      for (const std::uint32_t i : byChart[c]) {
         own += pools_[i].texels * pools_[i].illuminance;
         count += pools_[i].texels;
       }
-      if (count < kLargeChart * texels) continue;
-      give(ids, solve(ids, std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0)));
+      limited.push_back({byChart[c], std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0)});
     }
+    giveEach(limited);
     double wanted = 0.0, have = 0.0;
     for (const Pool& p : pools_) {
       wanted += p.points * p.wanted;
@@ -514,6 +552,7 @@ class HemisphereBaker {
   double goal_;
   const Run& run_;
   MapCells cells_;
+  std::vector<bool> large_;  // of each chart: whether it has a limit of its own
   TexelArray<Guide> guides_;
   TexelArray<std::uint32_t> guideOf_;  // one a texel
   TexelArray<std::uint32_t> wanted_;   // rays each half

@@ -15,7 +15,7 @@ constexpr std::uint32_t kStoredRays = 32;  // of a patch, each half
 constexpr double kPilotTail = 0.01;
 constexpr std::uint32_t kStream = 4;  // of random numbers: apart from those of the bake
 // Of the map's cells that get hemisphere rays: this share, but texels enough to tell, and no more than that takes.
-constexpr double kSampled = 0.04, kLeastTexels = 5000.0, kMostTexels = 15000.0;
+constexpr double kSampled = 0.08, kLeastTexels = 7500.0, kMostTexels = 30000.0;
 constexpr std::size_t kAoBlocks = 250;  // of kAoBlock x kAoBlock texels, for rays of ambient occlusion
 constexpr std::uint32_t kManyAoRays = 96;
 constexpr int kAoBlock = 4;
@@ -135,9 +135,10 @@ class PilotRun {
       PatchMesh mesh = makePatches(b_.scene, {.size_m = patchSizeFor_m(b_.scene, kSquares), .maxPatches = b_.options.maxPatches}, quiet_);
       for (Patch& p : mesh.patches) p.reflectance = glm::min(p.reflectance, Rgb(kMostReflectance));
       const double mesh_s = clock.lap();
+      const auto before = double(b_.tracer->rays());
       exposePatches(mesh, b_.scene, *b_.tracer, quiet_);
       const PatchLight patchLight = lightPatches(b_.scene, *b_.tracer, mesh, direct, known, quiet_);
-      const double light_s = clock.lap();
+      const double light_s = clock.lap(), lightRays = double(b_.tracer->rays()) - before;
       std::array<Solution, 2> solutions;
       if (bounce) {
         StoredOptions stored;
@@ -160,7 +161,7 @@ class PilotRun {
       near = hemisphere(direct, field.get(), mean, options);
       if (bounce) {
         const double finer = std::min(kFinerPatches * 0.02 / b_.options.goal, double(b_.options.maxPatches) / double(mesh.patches.size()));
-        out_.patches = forecast(0.0, kMeshAgain * mesh_s + kLightAgain * finer * light_s, kPatchSpread);
+        out_.patches = forecast(finer * lightRays, kMeshAgain * mesh_s + kLightAgain * finer * light_s, kPatchSpread);
         out_.solve = forecast(2.0 * kStoredRays * finer * double(mesh.patches.size()), finer * solve_s + field_s, kPatchSpread);
       }
     }
@@ -224,6 +225,7 @@ class PilotRun {
     const Gather gather(b_.scene, *b_.tracer, direct, field, false, b_.run.seed);
     Clock clock;
     double cells_s = 0.0;
+    const double cellsBefore = rays(Purpose::Cells);
     const HemisphereForecast told = foretellHemisphere(
         b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, quiet_);
     std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
@@ -233,7 +235,7 @@ class PilotRun {
     // Few blocks know little of their own spread.
     const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0);
     const double all = told.rays + (b_.plan.runs(Effect::Near) ? kNearRays * told.near : 0.0);
-    out_.gather = forecast(all, cells_s + kGatherTexels_s * size + ray_s * all, spread);
+    out_.gather = forecast(rays(Purpose::Cells) - cellsBefore + all, cells_s + kGatherTexels_s * size + ray_s * all, spread);
     const std::size_t objects = texels_.size();
     ByObject near(objects);
     for (std::size_t o = 0; o < objects; ++o) {
