@@ -38,7 +38,10 @@ std::uint64_t bytes(const std::vector<T>& v) {
 
 }  // namespace
 
-double squaresFor(double goal) { return kSquaresAtTwoPercent * 0.02 / goal; }
+double squaresFor(double goal) {
+  // Rays grow as goal^-1.43: below 2 % patches grow as fast, or what they leave would take a larger and larger part of the goal.
+  return kSquaresAtTwoPercent * std::pow(0.02 / goal, goal < 0.02 ? 1.5 : 1.0);
+}
 
 MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int maps, bool bounce, bool seams, std::uint64_t machine_bytes) {
   std::uint64_t level = bytes(scene.positions_m) + bytes(scene.normals) + bytes(scene.uv0) + bytes(scene.uv1) + bytes(scene.mapUv) +

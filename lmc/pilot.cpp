@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "lmc/memory.h"
 #include "lmc/stages.h"
 
 namespace lmc {
@@ -160,7 +161,8 @@ class PilotRun {
       const double field_s = clock.lap();
       near = hemisphere(direct, field.get(), mean, options);
       if (bounce) {
-        const double finer = std::min(kFinerPatches * 0.02 / b_.options.goal, double(b_.options.maxPatches) / double(mesh.patches.size()));
+        const double finer = std::min(kFinerPatches * squaresFor(b_.options.goal) / squaresFor(0.02),
+                                      double(b_.options.maxPatches) / double(mesh.patches.size()));
         out_.patches = forecast(finer * lightRays, kMeshAgain * mesh_s + kLightAgain * finer * light_s, kPatchSpread);
         out_.solve = forecast(2.0 * kStoredRays * finer * double(mesh.patches.size()), finer * solve_s + field_s, kPatchSpread);
       }
