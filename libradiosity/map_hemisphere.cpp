@@ -26,6 +26,9 @@ constexpr double kObjectBudget = 0.9;        // of an object's: estimates of sma
 constexpr double kUsualField = 0.12;         // of the goal: what the bound of patches takes in most levels
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
+// The same for a cell that was halved just now. What bends gently is worth no more points, each of which would need rays of its own:
+// between few their noise is smoothed.
+constexpr double kStepShare = 0.6;
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
 constexpr double kLargeInterpolation = 0.25;           // of an object's budget
 constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
@@ -37,7 +40,8 @@ constexpr double kSpeckle = 10.0;
 constexpr std::uint32_t kSpeckleRays = 4;
 constexpr int kGuideBlock = 16;                                        // texels
 constexpr double kTouchingShare = 1.0 / 32.0, kNearShare = 1.0 / 8.0;  // of a texel's rays, for its class
-constexpr int kPilotHalvings = 4, kMaxCorrections = 2, kSpeckleRounds = 3;
+constexpr int kHalvings = 4;                                           // of a cell of kWidest texels
+constexpr int kMaxCorrections = 2, kSpeckleRounds = 3;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
 
@@ -102,10 +106,13 @@ class HemisphereBaker {
       if (!cast(done, next)) break;
       done = next;
       makePools();
-      if (correction == kMaxCorrections || !refine()) continue;
-      cast(done, 0.5 * (next + 1.0));
-      done = 0.5 * (next + 1.0);
-      makePools();
+      if (correction == kMaxCorrections) break;
+      // As far down as it goes: rays show steps that the pilot's noise hid, and half of a step's cell still has all of it.
+      for (int k = 0; k < kHalvings && refine(k == 0 ? kInterpolationShare : kStepShare); ++k) {
+        cast(done, 0.5 * (next + 1.0));
+        done = 0.5 * (next + 1.0);
+        makePools();
+      }
     }
     for (int k = 0; k < kSpeckleRounds; ++k) {
       askAgain();
@@ -149,7 +156,7 @@ class HemisphereBaker {
     wish(kPilotRays);
     cast(0.0, done);
     makePools();
-    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+    for (int k = 0; k < kHalvings && refine(); ++k) {
       cast(done, done + 0.02);
       done += 0.02;
       makePools();
@@ -180,7 +187,7 @@ class HemisphereBaker {
     cast(0.0, 0.5);
     makePools();
     double done = 0.5;
-    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+    for (int k = 0; k < kHalvings && refine(); ++k) {
       cast(done, done + 0.1);
       done += 0.1;
       makePools();
@@ -354,7 +361,7 @@ class HemisphereBaker {
   double budgetOf(std::size_t object) const { return kObjectLimit * goal_ * std::max(objectMean_[object], kDimRoom * mean_); }
 
   /// Halves cells; false when none needs it. New corners get a pilot's rays.
-  bool refine() {
+  bool refine(double share = kInterpolationShare) {
     const std::vector<double> between = interpolation2();
     std::vector<double> significance(between.size());
     for (std::size_t o = 0; o < between.size(); ++o)
@@ -362,12 +369,34 @@ class HemisphereBaker {
           std::sqrt(between[o] / std::max(1.0, objectTexels_[o])) > kLargeInterpolation * budgetOf(o) ? kDoubtful : kSignificant;
     const std::size_t added = cells_.refine(valueAt(), [&](std::size_t i) {
       const Pool& p = pools_[poolOf_[i]];
-      return MapCells::Tolerance{kInterpolationShare * std::min({goal_ * mean_, budgetOf(p.object),
-                                                                 kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
-                                 significance[p.object]};
+      return MapCells::Tolerance{
+          share * std::min({goal_ * mean_, budgetOf(p.object), kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
+          significance[p.object]};
     });
     wish(options_.rays > 0 ? options_.rays : kSecondPilot);
+    if (added > 0 && options_.rays == 0) wishAsBeside();
     return added > 0;
+  }
+
+  /// New corners lie between gathered texels of a row or a column: a quarter of the rays that those have, for a cell that is halved both
+  /// ways shares among four times the points what its corners spoke for.
+  void wishAsBeside() {
+    const auto w = std::ptrdiff_t(map_.width);
+    const auto along = [&](std::size_t i, std::ptrdiff_t step, std::ptrdiff_t room) {
+      for (std::ptrdiff_t k = 1; k <= std::min<std::ptrdiff_t>(room, MapCells::kWidest); ++k) {
+        const auto n = std::size_t(std::ptrdiff_t(i) + k * step);
+        if (map_.chart[n] != map_.chart[i]) break;
+        if (map_.rays[n] > 0) return map_.rays[n];
+      }
+      return 0u;
+    };
+    for (std::size_t i = 0; i < wanted_.size(); ++i) {
+      if (!cells_.gathered(i) || map_.rays[i] > 0) continue;
+      const std::ptrdiff_t x = std::ptrdiff_t(i) % w, y = std::ptrdiff_t(i) / w;
+      const std::uint32_t row = std::min(along(i, -1, x), along(i, 1, w - 1 - x)),
+                          column = std::min(along(i, -w, y), along(i, w, map_.height - 1 - y));
+      wanted_[i] = std::max(wanted_[i], std::max(row, column) / 32 * 8);
+    }
   }
 
   /// Rays for each pool so that the predicted noise of the level meets the goal, and of each object and neighbourhood its own, with the
