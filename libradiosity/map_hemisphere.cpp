@@ -14,8 +14,9 @@ namespace lmc {
 
 namespace {
 
-constexpr std::uint32_t kPilotRays = 32;    // each half, at the corners of the first cells: each speaks for many texels
-constexpr std::uint32_t kSecondPilot = 16;  // at corners that halving adds
+constexpr std::uint32_t kFirstRays = 8;     // each half, at the corners of the first cells: how much light varies there
+constexpr std::uint32_t kPilotRays = 32;    // of a pilot, at most: enough to meet what is rare
+constexpr std::uint32_t kSecondPilot = 16;  // at corners that halving adds, at least, unless the pilot took fewer
 constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 // Rays each half, mean over a map, at a goal of 2 %; with goal^-1.4 at others. Three times what the hardest benchmark takes: a level whose
 // light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
@@ -153,9 +154,13 @@ class HemisphereBaker {
   /// Rays that tell how hard each neighbourhood is, and cells halved where light bends; the share of the work that this is.
   double pilot() {
     double done = 0.1;
-    wish(kPilotRays);
-    cast(0.0, done);
+    wish(kFirstRays);
+    cast(0.0, 0.5 * done);
     makePools();
+    pilotRays_ = pilotRays();
+    wish(pilotRays_);
+    if (cast(0.5 * done, done)) makePools();
+    if (isMet()) return done;
     for (int k = 0; k < kHalvings && refine(); ++k) {
       cast(done, done + 0.02);
       done += 0.02;
@@ -373,7 +378,7 @@ class HemisphereBaker {
           share * std::min({goal_ * mean_, budgetOf(p.object), kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
           significance[p.object]};
     });
-    wish(options_.rays > 0 ? options_.rays : kSecondPilot);
+    wish(options_.rays > 0 ? options_.rays : std::min(kSecondPilot, pilotRays_));
     if (added > 0 && options_.rays == 0) wishAsBeside();
     return added > 0;
   }
@@ -397,6 +402,72 @@ class HemisphereBaker {
                           column = std::min(along(i, -w, y), along(i, w, map_.height - 1 - y));
       wanted_[i] = std::max(wanted_[i], std::max(row, column) / 32 * 8);
     }
+  }
+
+  /// What is known of the error of the level or of an object [lx].
+  struct Standing {
+    double points = 0.0, texels = 0.0;
+    double noise2 = 0.0, field2 = 0.0, bounced = 0.0, between2 = 0.0;  ///< sums over the texels
+    double noise() const { return texels > 0.0 ? std::sqrt(noise2 / texels) : 0.0; }
+    double between() const { return texels > 0.0 ? std::sqrt(between2 / texels) : 0.0; }
+  };
+  std::vector<Standing> standings() const {
+    std::vector<Standing> out(scene_.objects.size() + 1);  // the level last
+    const std::vector<double> between = interpolation2(), direct2 = directNoise2();
+    for (const Pool& p : pools_)
+      for (Standing* s : {&out[p.object], &out.back()}) {
+        s->points += p.points;
+        s->texels += p.texels;
+        s->noise2 += p.influence * p.variance1 * std::pow(p.rays, -2.0 * kSobolExponent);
+        s->field2 += p.texels * mean3(p.drift * p.drift);
+        s->bounced += p.texels * p.bounced;
+      }
+    for (std::size_t o = 0; o < between.size(); ++o)
+      for (Standing* s : {&out[o], &out.back()}) {
+        s->noise2 += direct2[o];
+        s->between2 += between[o];
+      }
+    return out;
+  }
+  /// What patches and bounces left out take of the bound [lx].
+  double patchesOf(const Standing& s) const {
+    if (!(s.texels > 0.0)) return 0.0;
+    // A sample's drift is mostly noise, and that of coarser patches than the bake's.
+    const double field = options_.sampled < 1.0 ? kUsualField * goal_ * mean_ : kFieldBound * kFieldShare * std::sqrt(s.field2 / s.texels);
+    return field + options_.tail * s.bounced / s.texels + options_.leftOut * mean_;
+  }
+
+  /// Rays that every corner needs for the goal, from what the first ones tell: a coarse goal asks for few.
+  std::uint32_t pilotRays() const {
+    const Standing level = standings().back();
+    const double budget = kBudget * goal_ * mean_;
+    const double allowed = std::max((budget - patchesOf(level)) / noise95(level.points / options_.sampled), kLeastNoise * budget);
+    if (!(allowed > 0.0)) return kFirstRays;
+    const double wish = double(kFirstRays) * std::pow(level.noise() / allowed, 1.0 / kSobolExponent);
+    return std::uint32_t(std::clamp(4.0 * std::ceil(wish / 4.0), double(kFirstRays), double(kPilotRays)));
+  }
+
+  /// Whether the pilot does: what its rays tell is below the goal, for each object as well, and interpolation has a small part in it.
+  bool isMet() const {
+    const std::vector<Standing> all = standings();
+    const auto below = [&](const Standing& s, double budget, double goal) {
+      return s.noise() * noise95(s.points / options_.sampled) + s.between() + patchesOf(s) <= budget &&
+             s.between() <= kLargeInterpolation * goal;
+    };
+    for (std::size_t o = 0; o + 1 < all.size(); ++o)
+      if (all[o].texels > 0.0 && !below(all[o], kObjectBudget * budgetOf(o), budgetOf(o))) return false;
+    return below(all.back(), kBudget * goal_ * mean_, goal_ * mean_);
+  }
+
+  /// Noise of direct light: sum over the texels of each object [lx^2].
+  std::vector<double> directNoise2() const {
+    std::vector<double> out(scene_.objects.size(), 0.0);
+    for (std::size_t i = 0; i < map_.size(); ++i) {
+      if (map_.chart[i] == kNone) continue;
+      const glm::dvec3 d = 0.5 * (glm::dvec3(map_.direct[0][i]) - glm::dvec3(map_.direct[1][i]));
+      out[map_.object[i]] += mean3(d * d);
+    }
+    return out;
   }
 
   /// Rays for each pool so that the predicted noise of the level meets the goal, and of each object and neighbourhood its own, with the
@@ -574,6 +645,7 @@ class HemisphereBaker {
   std::vector<double> objectMean_, objectTexels_;
   double mean_ = 0.0;
   std::uint32_t round_ = 0;  // of casts
+  std::uint32_t pilotRays_ = kPilotRays;
 };
 
 }  // namespace
