@@ -14,8 +14,9 @@ namespace lmc {
 
 namespace {
 
-constexpr std::uint32_t kPilotRays = 32;    // each half, at the corners of the first cells: each speaks for many texels
-constexpr std::uint32_t kSecondPilot = 16;  // at corners that halving adds
+constexpr std::uint32_t kFirstRays = 8;     // each half, at the corners of the first cells: how much light varies there
+constexpr std::uint32_t kPilotRays = 32;    // of a pilot, at most: enough to meet what is rare
+constexpr std::uint32_t kSecondPilot = 16;  // at corners that halving adds, at least, unless the pilot took fewer
 constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 // Rays each half, mean over a map, at a goal of 2 %; with goal^-1.4 at others. Three times what the hardest benchmark takes: a level whose
 // light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
@@ -26,6 +27,9 @@ constexpr double kObjectBudget = 0.9;        // of an object's: estimates of sma
 constexpr double kUsualField = 0.12;         // of a budget: what the bound of patches takes in most levels
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
+// The same for a cell that was halved just now. What bends gently is worth no more points, each of which would need rays of its own:
+// between few their noise is smoothed.
+constexpr double kStepShare = 0.6;
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
 constexpr double kLargeInterpolation = 0.25;           // of an object's budget
 constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
@@ -40,7 +44,8 @@ constexpr double kSpeckle = 10.0;
 constexpr std::uint32_t kSpeckleRays = 4;
 constexpr int kGuideBlock = 16;                                        // texels
 constexpr double kTouchingShare = 1.0 / 32.0, kNearShare = 1.0 / 8.0;  // of a texel's rays, for its class
-constexpr int kPilotHalvings = 4, kMaxCorrections = 2, kSpeckleRounds = 3;
+constexpr int kHalvings = 4;                                           // of a cell of kWidest texels
+constexpr int kMaxCorrections = 2, kSpeckleRounds = 3;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
 
@@ -107,10 +112,13 @@ class HemisphereBaker {
       if (!cast(done, next)) break;
       done = next;
       makePools();
-      if (correction == kMaxCorrections || !refine()) continue;
-      cast(done, 0.5 * (next + 1.0));
-      done = 0.5 * (next + 1.0);
-      makePools();
+      if (correction == kMaxCorrections) break;
+      // As far down as it goes: rays show steps that the pilot's noise hid, and half of a step's cell still has all of it.
+      for (int k = 0; k < kHalvings && refine(k == 0 ? kInterpolationShare : kStepShare); ++k) {
+        cast(done, 0.5 * (next + 1.0));
+        done = 0.5 * (next + 1.0);
+        makePools();
+      }
     }
     for (int k = 0; k < kSpeckleRounds; ++k) {
       askAgain();
@@ -151,10 +159,14 @@ class HemisphereBaker {
   /// Rays that tell how hard each neighbourhood is, and cells halved where light bends; the share of the work that this is.
   double pilot() {
     double done = 0.1;
-    wish(kPilotRays);
-    cast(0.0, done);
+    wish(kFirstRays);
+    cast(0.0, 0.5 * done);
     makePools();
-    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+    pilotRays_ = pilotRays();
+    wish(pilotRays_);
+    if (cast(0.5 * done, done)) makePools();
+    if (isMet()) return done;
+    for (int k = 0; k < kHalvings && refine(); ++k) {
       cast(done, done + 0.02);
       done += 0.02;
       makePools();
@@ -185,7 +197,7 @@ class HemisphereBaker {
     cast(0.0, 0.5);
     makePools();
     double done = 0.5;
-    for (int k = 0; k < kPilotHalvings && refine(); ++k) {
+    for (int k = 0; k < kHalvings && refine(); ++k) {
       cast(done, done + 0.1);
       done += 0.1;
       makePools();
@@ -350,7 +362,7 @@ class HemisphereBaker {
   double budgetOf(std::size_t object) const { return kObjectLimit * goal_ * std::max(objectMean_[object], kDimRoom * mean_); }
 
   /// Halves cells; false when none needs it. New corners get a pilot's rays.
-  bool refine() {
+  bool refine(double share = kInterpolationShare) {
     const std::vector<double> between = interpolation2();
     std::vector<double> significance(between.size());
     for (std::size_t o = 0; o < between.size(); ++o)
@@ -358,12 +370,100 @@ class HemisphereBaker {
           std::sqrt(between[o] / std::max(1.0, objectTexels_[o])) > kLargeInterpolation * budgetOf(o) ? kDoubtful : kSignificant;
     const std::size_t added = cells_.refine(valueAt(), [&](std::size_t i) {
       const Pool& p = pools_[poolOf_[i]];
-      return MapCells::Tolerance{kInterpolationShare * std::min({goal_ * mean_, budgetOf(p.object),
-                                                                 kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
-                                 significance[p.object]};
+      return MapCells::Tolerance{
+          share * std::min({goal_ * mean_, budgetOf(p.object), kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
+          significance[p.object]};
     });
-    wish(options_.rays > 0 ? options_.rays : kSecondPilot);
+    wish(options_.rays > 0 ? options_.rays : std::min(kSecondPilot, pilotRays_));
+    if (added > 0 && options_.rays == 0) wishAsBeside();
     return added > 0;
+  }
+
+  /// New corners lie between gathered texels of a row or a column: a quarter of the rays that those have, for a cell that is halved both
+  /// ways shares among four times the points what its corners spoke for.
+  void wishAsBeside() {
+    const auto w = std::ptrdiff_t(map_.width);
+    const auto along = [&](std::size_t i, std::ptrdiff_t step, std::ptrdiff_t room) {
+      for (std::ptrdiff_t k = 1; k <= std::min<std::ptrdiff_t>(room, MapCells::kWidest); ++k) {
+        const auto n = std::size_t(std::ptrdiff_t(i) + k * step);
+        if (map_.chart[n] != map_.chart[i]) break;
+        if (map_.rays[n] > 0) return map_.rays[n];
+      }
+      return 0u;
+    };
+    for (std::size_t i = 0; i < wanted_.size(); ++i) {
+      if (!cells_.gathered(i) || map_.rays[i] > 0) continue;
+      const std::ptrdiff_t x = std::ptrdiff_t(i) % w, y = std::ptrdiff_t(i) / w;
+      const std::uint32_t row = std::min(along(i, -1, x), along(i, 1, w - 1 - x)),
+                          column = std::min(along(i, -w, y), along(i, w, map_.height - 1 - y));
+      wanted_[i] = std::max(wanted_[i], std::max(row, column) / 32 * 8);
+    }
+  }
+
+  /// What is known of the error of the level or of an object [lx].
+  struct Standing {
+    double points = 0.0, texels = 0.0;
+    double noise2 = 0.0, field2 = 0.0, bounced = 0.0, between2 = 0.0;  ///< sums over the texels
+    double noise() const { return texels > 0.0 ? std::sqrt(noise2 / texels) : 0.0; }
+    double between() const { return texels > 0.0 ? std::sqrt(between2 / texels) : 0.0; }
+  };
+  std::vector<Standing> standings() const {
+    std::vector<Standing> out(scene_.objects.size() + 1);  // the level last
+    const std::vector<double> between = interpolation2(), direct2 = directNoise2();
+    for (const Pool& p : pools_)
+      for (Standing* s : {&out[p.object], &out.back()}) {
+        s->points += p.points;
+        s->texels += p.texels;
+        s->noise2 += p.influence * p.variance1 * std::pow(p.rays, -2.0 * kSobolExponent);
+        s->field2 += p.texels * mean3(p.drift * p.drift);
+        s->bounced += p.texels * p.bounced;
+      }
+    for (std::size_t o = 0; o < between.size(); ++o)
+      for (Standing* s : {&out[o], &out.back()}) {
+        s->noise2 += direct2[o];
+        s->between2 += between[o];
+      }
+    return out;
+  }
+  /// What patches and bounces left out take of the bound [lx].
+  double patchesOf(const Standing& s) const {
+    if (!(s.texels > 0.0)) return 0.0;
+    // A sample's drift is mostly noise, and that of coarser patches than the bake's.
+    const double field = options_.sampled < 1.0 ? kUsualField * goal_ * mean_ : kFieldBound * kFieldShare * std::sqrt(s.field2 / s.texels);
+    return field + options_.tail * s.bounced / s.texels + options_.leftOut * mean_;
+  }
+
+  /// Rays that every corner needs for the goal, from what the first ones tell: a coarse goal asks for few.
+  std::uint32_t pilotRays() const {
+    const Standing level = standings().back();
+    const double budget = kBudget * goal_ * mean_;
+    const double allowed = std::max((budget - patchesOf(level)) / noise95(level.points / options_.sampled), kLeastNoise * budget);
+    if (!(allowed > 0.0)) return kFirstRays;
+    const double wish = double(kFirstRays) * std::pow(level.noise() / allowed, 1.0 / kSobolExponent);
+    return std::uint32_t(std::clamp(4.0 * std::ceil(wish / 4.0), double(kFirstRays), double(kPilotRays)));
+  }
+
+  /// Whether the pilot does: what its rays tell is below the goal, for each object as well, and interpolation has a small part in it.
+  bool isMet() const {
+    const std::vector<Standing> all = standings();
+    const auto below = [&](const Standing& s, double budget, double goal) {
+      return s.noise() * noise95(s.points / options_.sampled) + s.between() + patchesOf(s) <= budget &&
+             s.between() <= kLargeInterpolation * goal;
+    };
+    for (std::size_t o = 0; o + 1 < all.size(); ++o)
+      if (all[o].texels > 0.0 && !below(all[o], kObjectBudget * budgetOf(o), budgetOf(o))) return false;
+    return below(all.back(), kBudget * goal_ * mean_, goal_ * mean_);
+  }
+
+  /// Noise of direct light: sum over the texels of each object [lx^2].
+  std::vector<double> directNoise2() const {
+    std::vector<double> out(scene_.objects.size(), 0.0);
+    for (std::size_t i = 0; i < map_.size(); ++i) {
+      if (map_.chart[i] == kNone) continue;
+      const glm::dvec3 d = 0.5 * (glm::dvec3(map_.direct[0][i]) - glm::dvec3(map_.direct[1][i]));
+      out[map_.object[i]] += mean3(d * d);
+    }
+    return out;
   }
 
   /// Rays for each pool so that the predicted noise of the level meets the goal, and of each object and neighbourhood its own, with the
@@ -566,6 +666,7 @@ class HemisphereBaker {
   std::vector<double> objectMean_, objectTexels_;
   double mean_ = 0.0;
   std::uint32_t round_ = 0;  // of casts
+  std::uint32_t pilotRays_ = kPilotRays;
 };
 
 }  // namespace

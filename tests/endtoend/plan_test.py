@@ -127,7 +127,7 @@ class Test:
         self.weakly('area', write(room(make, 'faint_panel', panel=0.05, column=True)), both, ['emitter'], 'too little')
         self.weakly('sky', write(room(make, 'faint_sky', sky=0.01, open_top=True, column=True)), write(room(make, 'bright_sky', sky=40.0, open_top=True, column=True)), [], 'too little')
         self.exactly('near', write(room(make, 'pitch', albedo=0.0, column=True)), lit, ['near'], 'no bounces')
-        self.weakly('near', write(room(make, 'dim', albedo=0.045, column=True)), lit, ['near'], 'too little')
+        self.weakly('near', write(room(make, 'dim', albedo=0.042, column=True)), lit, ['near'], 'too little')
         self.weakly('bounce', write(room(make, 'nearly_black', albedo=0.01, column=True)), lit, ['gather', 'shoot', 'exposure'], 'too little')
 
     def manners(self):
