@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """A full disk, broken calls of the system, signals, links, closed streams, limits: what a bake leaves behind, and how it ends.
 
-    faults_test.py --lmc BUILD/bin/lmc --shim BUILD/tests/bin/libfault_shim.so --source-dir SOURCE [unittest's own arguments]
+    faults_test.py --lmc BUILD/bin/lmc --shim BUILD/tests/bin/libfault_shim.so --throw-shim BUILD/tests/bin/libthrow_shim.so --source-dir SOURCE
+                   [unittest's own arguments]
 """
 import argparse
 import errno
@@ -173,6 +174,43 @@ class Outputs(Case):
                 self.no_temporaries(out)
                 shutil.rmtree(out, ignore_errors=True)
         self.assertGreater(with_words, len(calls) // 2)
+
+
+class Workers(Case):
+    """An exception in a thread that is not main's: the run ends, soon, in words and without output."""
+    ARGUMENTS = ("--map-size", "32", "--preset", "draft", "-j", "3", "--progress", "none")
+
+    def setUp(self):
+        super().setUp()
+        if not OPTIONS.throw_shim:
+            self.skipTest("a sanitizer has a new of its own")
+
+    def throwing(self, kind, n, out, **files):
+        env = {"LD_PRELOAD": OPTIONS.throw_shim, "LMC_THROW": f"{kind}:{n}", **{f"LMC_THROW_{k.upper()}": v for k, v in files.items()}}
+        done = self.run_bake(*self.ARGUMENTS, env=env, level="court.glb", out=out)
+        return done, time.monotonic()
+
+    def test_exception_in_a_worker_ends_the_run(self):
+        done, _ = self.throwing("other", 0, self.out, count=self.path("count"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        with open(self.path("count")) as f:
+            n = int(f.read())
+        self.assertGreater(n, 1000)
+        for kind, code, name in (("other", 9, "LMC_INTERNAL"), ("memory", 8, "LMC_MEMORY")):
+            # How many there are differs from run to run: the last ones may not come.
+            for k in [1, 2, *(n * i // 16 for i in range(1, 13))]:
+                with self.subTest(kind=kind, call=k, of=n):
+                    out, thrown = self.path(f"{kind}{k}"), self.path(f"{kind}{k}.time")
+                    done, ended = self.throwing(kind, k, out, time=thrown)
+                    self.assertEqual(done.returncode, code, done.stderr)
+                    self.assertEqual(done.stderr.count(" error: "), 1, done.stderr)
+                    self.assertIn(f"[{name}]", done.stderr)
+                    self.assertEqual(sorted(content(out)), [])
+                    with open(thrown) as f:
+                        # 1 s is what is asked for; the rest is for a machine that has other things to do.
+                        self.assertLess(ended - float(f.read()), 2.0)
+                    if kind == "other":  # it would come again
+                        self.assertFalse(os.path.exists(os.path.join(out, ".lmc-resume")))
 
 
 class Streams(Case):
@@ -391,10 +429,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--lmc", required=True)
     parser.add_argument("--shim", default="")
+    parser.add_argument("--throw-shim", default="")
     parser.add_argument("--runtime", default="", help="of a sanitizer, to be loaded before the shim")
     parser.add_argument("--sanitized", action="store_true")
     parser.add_argument("--source-dir", default=os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
     OPTIONS, rest = parser.parse_known_args()
     OPTIONS.lmc, OPTIONS.source_dir = map(os.path.abspath, (OPTIONS.lmc, OPTIONS.source_dir))
-    OPTIONS.shim = os.path.abspath(OPTIONS.shim) if OPTIONS.shim else ""
+    OPTIONS.shim, OPTIONS.throw_shim = (os.path.abspath(s) if s else "" for s in (OPTIONS.shim, OPTIONS.throw_shim))
     unittest.main(argv=[sys.argv[0]] + rest)
