@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A full disk, broken calls of the system, signals, links, closed streams, limits: what a bake leaves behind, and how it ends.
+"""A full disk, broken calls of the system, files that change, signals, links, closed streams, limits: what a bake leaves behind, and how it ends.
 
     faults_test.py --lmc BUILD/bin/lmc --shim BUILD/tests/bin/libfault_shim.so --throw-shim BUILD/tests/bin/libthrow_shim.so --source-dir SOURCE
                    [unittest's own arguments]
@@ -174,6 +174,62 @@ class Outputs(Case):
                 self.no_temporaries(out)
                 shutil.rmtree(out, ignore_errors=True)
         self.assertGreater(with_words, len(calls) // 2)
+
+
+class Inputs(Case):
+    """What becomes of a level of several files (text, buffer, three pictures) while it is read, and when it is read again for level.glb."""
+    LEVEL = "textured.gltf"
+
+    def setUp(self):
+        super().setUp()
+        if not OPTIONS.shim:
+            self.skipTest("a sanitizer is in the way of the shim")
+
+    def fault(self, what, n=0, code=0, count=None):
+        env = {"LD_PRELOAD": preloaded(), "LMC_FAULT": f"{what}:{n}:{code}"}
+        return self.run_bake(*self.SMALL, env={**env, **({"LMC_FAULT_COUNT": count} if count else {})}, level=self.LEVEL)
+
+    def reads(self):
+        done = self.fault("read", count=self.path("count"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        shutil.rmtree(self.out)
+        with open(self.path("count")) as f:
+            return int(f.read())
+
+    def test_file_that_ends_at_any_read_is_refused(self):
+        n = self.reads()
+        self.assertEqual(n, 10)  # five files, twice
+        for k in range(1, n + 1):
+            with self.subTest(read=k):
+                done = self.fault("read", k)
+                self.assert_refused(done, (3,))
+                self.assertIn("[LMC_FILE_CHANGED]", done.stderr)
+                self.assertEqual(sorted(content(self.out)), [])
+
+    def test_input_output_error_at_any_read_is_told(self):
+        for k in range(1, self.reads() + 1):
+            with self.subTest(read=k):
+                done = self.fault("read", k, errno.EIO)
+                self.assert_refused(done, (2,))
+                self.assertIn("Input/output error [LMC_FILE_UNREADABLE]", done.stderr)
+                self.assertEqual(sorted(content(self.out)), [])
+                shutil.rmtree(self.out, ignore_errors=True)
+
+    def test_short_and_interrupted_reads_are_gone_on_with(self):
+        self.assertEqual(self.run_bake(*self.SMALL, level=self.LEVEL).returncode, 0)
+        whole = content(self.out)
+        for what in ("halfread", "eintrread"):
+            with self.subTest(what=what):
+                done = self.fault(what)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                for name in SAME_EVERY_TIME:
+                    self.assertEqual(content(self.out)[name], whole[name], name)
+
+    def test_size_that_is_wrong_by_the_time_it_is_read(self):
+        for what in ("shrunk", "grown"):
+            with self.subTest(what=what):
+                self.assert_refused(self.fault(what), (3,))
+                self.assertFalse(os.path.exists(self.out))
 
 
 class Workers(Case):
