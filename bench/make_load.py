@@ -22,6 +22,7 @@ parser.add_argument('--maps', type=int, default=16)
 parser.add_argument('--side', type=int, default=1024, help='of a map [texels]')
 parser.add_argument('--lamps', type=int, default=8)
 parser.add_argument('--fill', type=float, default=1.0, help="share of a map's side that its panel takes")
+parser.add_argument('--baked', type=int, help='so many of the panels have a map, the others only cast shadows [default: all]')
 parser.add_argument('--unplaced', action='store_true')
 args = parser.parse_args()
 
@@ -97,7 +98,9 @@ for k in range(args.maps):
     meshes.append({'primitives': [{'attributes': attributes, 'indices': INDICES, 'material': k % 3}]})
     row, column, field = place(k)
     node = {'name': f'panel{k}', 'mesh': k, 'translation': [PANEL_M * column, 0.0, PANEL_M * row]}
-    if not args.unplaced:
+    if args.baked is not None and k >= args.baked:
+        node['extras'] = {'lmc': {'receive': False}}
+    elif not args.unplaced:
         node['extras'] = {'lmc': {'lightmap': {'texCoord': 1, 'map': k}}}
     if field == 1:  # upside down: turned about x, it lies towards -z of its place
         node.update({'translation': [PANEL_M * column, HEIGHT_M, PANEL_M * (row + 1)], 'rotation': [1.0, 0.0, 0.0, 0.0]})

@@ -239,6 +239,7 @@ struct GltfEdit::State {
   GltfFile file;  ///< as it came in
   tinygltf::Model model;
   Json json;                                                         ///< as it goes out
+  std::vector<std::pair<std::size_t, Error>> unread;                 ///< pictures that embedImages() could not read, and why
   std::size_t own = 0;                                               ///< into file.buffers: buffer 0 of what goes out
   std::map<std::pair<int, std::size_t>, std::uint32_t> known;        ///< accessor and fingerprint of its vertices -> the new accessor
   std::map<std::pair<int, std::size_t>, std::uint32_t> knownFloats;  ///< by components and fingerprint
@@ -292,13 +293,29 @@ void GltfEdit::embedImages() {
     std::vector<std::uint8_t> bytes;
     try {
       bytes = imageBytes(state_->file, i, state_->limits);
-    } catch (const Error&) {
-      continue;  // loadLevel() did not need it: what the level says of it stays as it was
+    } catch (const Error& e) {
+      state_->unread.emplace_back(i, e);  // what the level says of it stays as it was
+      continue;
     }
     const Json inside = imageOf(bytes);
     image.erase("uri");
     image.update(inside);
   }
+}
+
+void GltfEdit::refuseChanged(const Scene& scene) const {
+  const GltfFile& file = state_->file;
+  for (const auto& [image, error] : state_->unread) {
+    std::filesystem::path path;
+    try {
+      path = pathOfUri(file.path, file.json["images"][image]["uri"].get_ref<const std::string&>(), "");
+    } catch (const Error&) {
+      continue;  // loadLevel() could not read it either
+    }
+    if (std::ranges::find(scene.inputs, path) != scene.inputs.end()) throw error;
+  }
+  if (contentOf(file, scene.inputs) != scene.content)
+    throw Error(Exit::Broken, file.path, "", "this file, or one that it names, changed while lmc was at work", "LMC_FILE_CHANGED");
 }
 
 GltfEdit::Json GltfEdit::imageOf(std::span<const std::uint8_t> bytes) {

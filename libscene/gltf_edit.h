@@ -33,6 +33,8 @@ class GltfEdit {
 
   /// Pictures that are files or data URIs become buffer views, so that the file stands alone; those that cannot be read stay what they are.
   void embedImages();
+  /// Throws Error where the files that `scene` was made of are no longer what they were then. To be asked after embedImages().
+  void refuseChanged(const Scene& scene) const;
 
   /// Triangles of a primitive, as it is now, as vertices of its own: strips, fans and lists alike, those without area too. None for points
   /// and lines.

@@ -84,8 +84,15 @@ std::vector<std::uint8_t> readFile(const fs::path& path, const Asker& asker, std
 std::vector<std::uint8_t> readInput(GltfFile& file, const fs::path& path, const Asker& asker, const LoadLimits& limits) {
   std::vector<std::uint8_t> bytes = readFile(path, asker, limits.maxInputBytes - std::min(limits.maxInputBytes, file.bytesRead));
   file.bytesRead += bytes.size();
-  file.content = hash64(bytes, file.content);
-  if (std::find(file.inputs.begin(), file.inputs.end(), path) == file.inputs.end()) file.inputs.push_back(path);
+  const std::uint64_t hash = hash64(bytes);
+  const auto known = std::size_t(std::find(file.inputs.begin(), file.inputs.end(), path) - file.inputs.begin());
+  if (known == file.inputs.size()) {
+    file.inputs.push_back(path);
+    file.hashes.push_back(hash);
+  }
+  if (file.hashes[known] != hash)
+    throw Error(Exit::Broken, asker.level, asker.where, fmt::format("{} changed while the level was read", path.filename().string()),
+                "LMC_FILE_CHANGED");
   return bytes;
 }
 
@@ -400,6 +407,16 @@ GltfFile readGltf(const fs::path& level, const LoadLimits& limits, const Run& ru
   checkGltf(file.json, level, limits, run);
   readBuffers(file, container, limits, run);
   return file;
+}
+
+std::optional<std::uint64_t> contentOf(const GltfFile& file, std::span<const fs::path> inputs) {
+  std::uint64_t content = 0;
+  for (const fs::path& path : inputs) {
+    const auto at = std::size_t(std::find(file.inputs.begin(), file.inputs.end(), path) - file.inputs.begin());
+    if (at == file.inputs.size()) return std::nullopt;
+    content = hash64({reinterpret_cast<const std::uint8_t*>(&file.hashes[at]), sizeof(std::uint64_t)}, content);
+  }
+  return content;
 }
 
 tinygltf::Model typedModel(const GltfFile& file) {

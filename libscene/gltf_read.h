@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,8 +34,8 @@ struct GltfFile {
   Json json;                                       ///< checked
   std::vector<std::vector<std::uint8_t>> buffers;  ///< byteLength bytes each; empty where the file gives none
   std::vector<std::filesystem::path> inputs;       ///< every file read so far, each once
+  std::vector<std::uint64_t> hashes;               ///< of their bytes
   std::uint64_t bytesRead = 0;                     ///< of all of them
-  std::uint64_t content = 0;                       ///< hash of those bytes, in the order of reading
 };
 
 /// Container, JSON, checks, buffers. Throws Error.
@@ -45,6 +46,9 @@ tinygltf::Model typedModel(const GltfFile& file);
 
 /// The stored bytes of /images/`image`, from its file, data URI or buffer view; adds to file.inputs.
 std::vector<std::uint8_t> imageBytes(GltfFile& file, std::size_t image, const LoadLimits& limits);
+
+/// Hash of the bytes of `inputs`, in turn; none where one of them was not read.
+std::optional<std::uint64_t> contentOf(const GltfFile& file, std::span<const std::filesystem::path> inputs);
 
 /// Refuses a URI that is neither data nor the name of a file in the level's folder or below; touches no file.
 void checkUri(const std::filesystem::path& level, std::string_view uri, std::string_view where);

@@ -611,7 +611,7 @@ Scene Loader::load() {
   finishMaterials();
   report();
   scene_.inputs = file_.inputs;
-  scene_.content = file_.content;
+  scene_.content = contentOf(file_, file_.inputs).value();
   run_.progress(1.0);
   return std::move(scene_);
 }

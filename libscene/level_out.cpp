@@ -138,6 +138,7 @@ std::vector<std::uint8_t> levelWithMaps(const std::filesystem::path& level, cons
                                         const LevelMarks& marks) {
   GltfEdit edit(level, limits);
   edit.embedImages();
+  edit.refuseChanged(scene);
   if (marks.newUvs) writeUvs(edit, scene, marks);
   Json& json = edit.json();
   for (const Object& o : scene.objects)

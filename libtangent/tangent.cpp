@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <exception>
 #include <numeric>
 #include <stdexcept>
 #include <thread>
@@ -147,13 +148,22 @@ Loop threadedLoop(int threads) {
             // cleared, each by itself.
             const std::size_t stretch = (n + count - 1) / count;
             std::atomic<std::size_t> next{0};
+            std::atomic<bool> fails{false};
+            std::exception_ptr failure;  // the first one, of the thread that set `fails`
             const auto work = [&] {
-              for (std::size_t claim; (claim = next.fetch_add(1)) < stretch * count;)
-                if (const std::size_t i = claim % count * stretch + claim / count; i < n) body(i);
+              try {
+                for (std::size_t claim; !fails && (claim = next.fetch_add(1)) < stretch * count;)
+                  if (const std::size_t i = claim % count * stretch + claim / count; i < n) body(i);
+              } catch (...) {
+                if (!fails.exchange(true)) failure = std::current_exception();
+              }
             };
-            std::vector<std::jthread> others;
-            for (std::size_t i = 1; i < count; ++i) others.emplace_back(work);
-            work();
+            {
+              std::vector<std::jthread> others;
+              for (std::size_t i = 1; i < count; ++i) others.emplace_back(work);
+              work();
+            }
+            if (failure) std::rethrow_exception(failure);
           }};
 }
 

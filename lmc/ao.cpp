@@ -253,6 +253,7 @@ class Job {
 
   void writeModel(GltfEdit& edit) const {
     edit.embedImages();
+    edit.refuseChanged(scene_);
     edit.dropUnused();
     writeBytes(o_.out, isGltfText(o_.out) ? edit.gltf() : edit.glb());
   }

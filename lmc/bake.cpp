@@ -339,6 +339,12 @@ Exit bake(const BakeOptions& options) {
     else if (targets.journal)
       targets.journal->remove();
     throw;
+  } catch (const std::bad_alloc&) {
+    goesOn();
+    throw;
+  } catch (const std::exception&) {  // a fault of lmc, which would come again
+    if (targets.journal) targets.journal->remove();
+    throw;
   }
 }
 

@@ -104,7 +104,9 @@ void addUvOptions(CLI::App* app, UvOptions& o) {
                   "texels between borders of charts of new UVs; 2 keep bilinear look-ups apart, 4 one mip level more")
       ->capture_default_str()
       ->check(CLI::Range(0, 64));
-  app->add_option("--max-maps", o.maxMaps, "light maps at most, for new UVs")->capture_default_str()->check(CLI::Range(1, 1024));
+  app->add_option("--max-maps", o.maxMaps, "light maps at most, for new UVs; exit code 8 where charts do not fit")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1024));
 }
 
 const std::map<std::string, ao::FallOff> kFallOffs{
@@ -140,12 +142,31 @@ void askForBent(BakeOptions& o, bool asked) {
   o.effects = (o.effects == "auto" ? std::string() : o.effects + ",") + (changes ? "+bent" : "bent");
 }
 
+constexpr const char* kInputLimits = "Limits on what is read (a level above one is refused: exit code 3)";
+constexpr const char* kBakeLimits = "Limits on the bake";
+
 void addInputLimits(CLI::App* app, LoadLimits& o) {
-  app->add_option("--max-texture-pixels", o.maxTexturePixels, "largest picture read")->capture_default_str();
-  app->add_option("--max-input-bytes", o.maxInputBytes, "of all files of a level together")->capture_default_str();
-  app->add_option("--max-json-depth", o.maxJsonDepth, "nesting of the level's JSON")->capture_default_str();
-  app->add_option("--max-nodes", o.maxNodes, "nodes of a level")->capture_default_str();
-  app->add_option("--max-instances", o.maxInstances, "instances of meshes, EXT_mesh_gpu_instancing included")->capture_default_str();
+  app->add_option("--max-input-bytes", o.maxInputBytes, "bytes of all files of a level together")
+      ->capture_default_str()
+      ->group(kInputLimits);
+  app->add_option("--max-texture-pixels", o.maxTexturePixels, "texels of one picture, judged by its header")
+      ->capture_default_str()
+      ->group(kInputLimits);
+  app->add_option("--max-triangles", o.maxTriangles, "triangles of a level, those of every instance counted")
+      ->capture_default_str()
+      ->group(kInputLimits);
+  app->add_option("--max-nodes", o.maxNodes, "nodes of a level")->capture_default_str()->group(kInputLimits);
+  app->add_option("--max-instances", o.maxInstances, "instances of meshes, EXT_mesh_gpu_instancing included")
+      ->capture_default_str()
+      ->group(kInputLimits);
+  app->add_option("--max-json-depth", o.maxJsonDepth, "nesting of a level's JSON")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 512))
+      ->group(kInputLimits);
+  app->add_option("--max-extent", o.maxExtent_m, "distance of a vertex or a light from the origin [m]")
+      ->capture_default_str()
+      ->check(CLI::Range(1e-9, 1e15))
+      ->group(kInputLimits);
 }
 
 void addLevelOptions(CLI::App* app, BakeOptions& o) {
@@ -211,7 +232,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->check(CLI::Range(1e-9, 1e9));
   app->add_option("--max-patches", o.maxPatches, "patches at most; above it they grow")
       ->capture_default_str()
-      ->check(CLI::Range(16, 10000000));
+      ->check(CLI::Range(16, 10000000))
+      ->group(kBakeLimits);
   app->add_option_function<std::string>(
          "--gather", [&o](const std::string& t) { o.interpolate = t == "auto"; },
          "auto (few texels where light is smooth, what lies between interpolated) or full (every texel)")
@@ -219,7 +241,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->type_name("KIND");
   app->add_option("--max-links", o.maxLinks, "links at most, --solver hierarchical; above it they get coarser")
       ->capture_default_str()
-      ->check(CLI::Range(std::uint64_t(1), std::uint64_t(1) << 40));
+      ->check(CLI::Range(std::uint64_t(1), std::uint64_t(1) << 40))
+      ->group(kBakeLimits);
   app->add_option_function<std::string>(
          "--partition", [&o](const std::string& t) { o.partition = partitionOf(t); },
          "what pairs of clusters are told without a ray, --solver hierarchical: auto, all, none or a list of "
@@ -234,7 +257,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       "--audit", [&o] { o.audit = Audit::On; },
       "check the stated error by unbiased path tracing, at most a quarter of the rays [default: for goals below 2 %]");
   app->add_flag_callback(
-      "--no-audit", [&o] { o.audit = Audit::Off; }, "do not");
+      "--no-audit", [&o] { o.audit = Audit::Off; }, "do not check it so");
   addAoOptions(app, o.ao);
   app->add_option_function<std::string>(
          "--bent", [&o](const std::string& t) { o.ao.bentInTangentSpace = t == "tangent"; },
@@ -289,6 +312,7 @@ void addNormals(CLI::App* app, NormalsOptions& o, std::string& from, std::string
   addGreen(app, o.greenDown);
   app->add_flag("--json", o.json, "print the report as JSON");
   app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+  addInputLimits(app, o.limits);
 }
 
 /// What --from and --as mean.
@@ -340,9 +364,12 @@ void addShade(CLI::App* app, ShadeOptions& o) {
          "ambient occlusion: baked (of the map or the material; the default), screen (screen space), both or off")
       ->check(CLI::IsMember({"baked", "screen", "both", "off"}))
       ->type_name("KIND");
-  app->add_flag("--no-light-map{false}", o.lightMap, "as if the level were not baked: all lights drawn by the passes");
-  app->add_flag("--no-normal-maps{false}", o.normalMaps, "vertex normals alone");
-  app->add_flag("--ignore-determinant{false}", o.determinants, "take all UVs for unmirrored, for a look at what that does");
+  app->add_flag_callback(
+      "--no-light-map", [&o] { o.lightMap = false; }, "as if the level were not baked: all lights drawn by the passes");
+  app->add_flag_callback(
+      "--no-normal-maps", [&o] { o.normalMaps = false; }, "vertex normals alone");
+  app->add_flag_callback(
+      "--ignore-determinant", [&o] { o.determinants = false; }, "take all UVs for unmirrored, for a look at what that does");
   app->add_flag("--oracle", o.oracle, "draw in C++ and double precision, without GL");
   app->add_option("--shader-dir", o.shaderDir, "folder of own shaders: each takes the place of lmc's of the same name")->type_name("DIR");
   app->add_option("-j,--threads", o.threads, "threads of --oracle [default: all]; never changes a result")->check(CLI::Range(1, 1024));
@@ -468,19 +495,60 @@ StudyOptions settled(StudyOptions o, const std::string& ladder) {
   return o;
 }
 
-constexpr const char* kExitCodes =
-    "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken, 4 needs a feature that is "
+/// Lines of help end before this column, so that they can be read; descriptions begin at CLI11's.
+constexpr std::size_t kHelpColumns = 110, kHelpStart = 30;
+
+std::string wrapped(std::string_view text, std::size_t columns) {
+  std::string out;
+  std::size_t used = 0;
+  while (!text.empty()) {
+    const std::string_view word = text.substr(0, text.find(' '));
+    text.remove_prefix(std::min(text.size(), word.size() + 1));
+    if (used > 0) {
+      const bool fits = used + 1 + word.size() <= columns;
+      out += fits ? ' ' : '\n';
+      used = fits ? used + 1 : 0;
+    }
+    out += word;
+    used += word.size();
+  }
+  return out;
+}
+
+class WrappedHelp : public CLI::Formatter {
+ public:
+  WrappedHelp() { column_width(kHelpStart); }
+  std::string make_option_desc(const CLI::Option* o) const override { return wrapped(o->get_description(), kHelpColumns - kHelpStart); }
+  std::string make_footer(const CLI::App* app) const override {
+    const std::string footer = app->get_footer();
+    std::string out;
+    std::string_view text = footer;
+    while (!text.empty()) {  // a paragraph a line
+      const std::string_view paragraph = text.substr(0, text.find('\n'));
+      text.remove_prefix(std::min(text.size(), paragraph.size() + 1));
+      out += wrapped(paragraph, kHelpColumns) + "\n";
+    }
+    return out;
+  }
+};
+
+constexpr const char* kFixedLimits =
+    "Fixed limits: maps of 16384 x 16384 texels, also where the level's lightmap.resolution asks for more (exit code 8); lights of 1e18 cd "
+    "or lx and emission of 1e18 cd/m^2, UVs of 1e6, 8192 members of one JSON object, 16 Mi elements or bytes that a file names but does "
     "not "
-    "supported, 5 explicit goal missed (maps written), 6 numerical check failed (maps not written), 7 compare or check-shader above its "
-    "limit, 8 no space, "
-    "memory or "
-    "size limit, 9 internal error, 130/143 stopped.";
+    "hold (exit code 3); 16 GiB of a journal (further tiles are not kept).";
+
+constexpr const char* kExitCodes =
+    "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken or above a limit, 4 needs a "
+    "feature that is not supported, 5 explicit goal missed (maps written), 6 numerical check failed (maps not written), 7 compare or "
+    "check-shader above its limit, 8 no space, memory or size limit, 9 internal error, 130/143 stopped.";
 
 }  // namespace
 
 Command parseCommandLine(int argc, const char* const* argv) {
   CLI::App app{"lmc: compiles the static light of a glTF level into light maps, and says how accurate they are"};
   app.name("lmc");
+  app.formatter(std::make_shared<WrappedHelp>());  // verbs added from here on have it, too
   app.footer(kExitCodes);
   app.set_version_flag("--version", std::string("lmc ") + LMC_VERSION);
   app.require_subcommand(1);
@@ -488,7 +556,8 @@ Command parseCommandLine(int argc, const char* const* argv) {
   BakeOptions bake;
   CLI::App* bakeApp = app.add_subcommand("bake", "bake light maps of a level");
   addLevelOptions(bakeApp, bake);
-  bakeApp->add_option("-o,--out", bake.out, "folder for the outputs; made when missing")->required();
+  bakeApp->footer(kFixedLimits + std::string("\n") + kExitCodes);
+  bakeApp->add_option("-o,--out", bake.out, "folder for the outputs; made when missing")->required()->type_name("FOLDER");
   bakeApp->add_flag("--snapshot", bake.snapshot,
                     "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
   bakeApp
@@ -510,8 +579,10 @@ Command parseCommandLine(int argc, const char* const* argv) {
             if (!bytes) throw CLI::ValidationError("--memory", "'" + t + "' is not a size such as 512M or 2G");
             bake.memory_bytes = *bytes;
           },
-          "limit such as 512M or 2G [default: what the machine has]; never changes a result, exit code 8 where less than the least")
-      ->type_name("SIZE");
+          "what the process may hold, within 10 %, such as 512M or 2G [default: 960M, or 256M beside a level that takes more]: what lmc "
+          "keeps a texel then lies in files in OUT; never changes a result; exit code 8, before the work, where less than the least")
+      ->type_name("SIZE")
+      ->group(kBakeLimits);
   bakeApp
       ->add_option_function<std::string>(
           "--explain",
@@ -535,9 +606,10 @@ Command parseCommandLine(int argc, const char* const* argv) {
           "rounds that "
           "give the same bytes; exit code 5 where it cannot be done in that time")
       ->type_name("TIME");
-  bakeApp->add_flag("--no-resume{false}", bake.resume,
-                    "start from zero and keep no journal [default: finished tiles are kept in OUT/.lmc-resume until the bake is done, and "
-                    "the same command goes on with those of a run that was stopped or killed; not with --time]");
+  bakeApp->add_flag_callback(
+      "--no-resume", [&bake] { bake.resume = false; },
+      "start from zero and keep no journal [default: finished tiles are kept in OUT/.lmc-resume until the bake is done, and "
+      "the same command goes on with those of a run that was stopped or killed; not with --time]");
   bakeApp->add_flag("--json", bake.json, "print the report on stdout");
   bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
   bakeApp
@@ -585,6 +657,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
   tangentsApp->add_flag("--regenerate", tangents.how.regenerate, "make those anew that the file has; else they are checked and kept");
   tangentsApp->add_flag("--all", tangents.how.all, "also where no normal map calls for them, by TEXCOORD_0");
   addGreen(tangentsApp, tangents.how.greenDown);
+  addInputLimits(tangentsApp, tangents.limits);
   tangentsApp->add_flag("--json", tangents.json, "print the report as JSON");
   tangentsApp->add_option("-j,--threads", tangents.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
 

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""A full disk, broken calls of the system, signals, links, closed streams, limits: what a bake leaves behind, and how it ends.
+"""A full disk, broken calls of the system, files that change, signals, links, closed streams, limits: what a bake leaves behind, and how it ends.
 
-    faults_test.py --lmc BUILD/bin/lmc --shim BUILD/tests/bin/libfault_shim.so --source-dir SOURCE [unittest's own arguments]
+    faults_test.py --lmc BUILD/bin/lmc --shim BUILD/tests/bin/libfault_shim.so --throw-shim BUILD/tests/bin/libthrow_shim.so --source-dir SOURCE
+                   [unittest's own arguments]
 """
 import argparse
 import errno
@@ -39,6 +40,10 @@ def content(folder):
     return out
 
 
+def preloaded():
+    return f"{OPTIONS.runtime}:{OPTIONS.shim}" if OPTIONS.runtime else OPTIONS.shim
+
+
 def is_whole(folder):
     """Whether the sidecar's hashes are those of the files; without xxh3 at hand, their sizes."""
     with open(os.path.join(folder, "level.lmc.json")) as f:
@@ -66,7 +71,7 @@ class Case(unittest.TestCase):
                               timeout=300, env={**os.environ, **(env or {})}, **more)
 
     def faulty(self, what, n, code=0, *arguments, out=None, count=None):
-        env = {"LD_PRELOAD": OPTIONS.shim, "LMC_FAULT": f"{what}:{n}:{code}"}
+        env = {"LD_PRELOAD": preloaded(), "LMC_FAULT": f"{what}:{n}:{code}"}
         if count:
             env["LMC_FAULT_COUNT"] = count
         return self.run_bake(*arguments, env=env, out=out)
@@ -150,6 +155,8 @@ class Outputs(Case):
                 self.assertEqual(content(out)[name], whole[name], f"{name} after {what}")
 
     def test_malloc_that_fails_ends_in_words(self):
+        if OPTIONS.runtime:
+            self.skipTest("a sanitizer has a malloc of its own")
         n = self.calls("malloc")
         random.seed(1)
         calls = list(range(1, min(n, 2000), 97)) + [random.randint(2000, n) for _ in range(40) if n > 2000]
@@ -167,6 +174,99 @@ class Outputs(Case):
                 self.no_temporaries(out)
                 shutil.rmtree(out, ignore_errors=True)
         self.assertGreater(with_words, len(calls) // 2)
+
+
+class Inputs(Case):
+    """What becomes of a level of several files (text, buffer, three pictures) while it is read, and when it is read again for level.glb."""
+    LEVEL = "textured.gltf"
+
+    def setUp(self):
+        super().setUp()
+        if not OPTIONS.shim:
+            self.skipTest("a sanitizer is in the way of the shim")
+
+    def fault(self, what, n=0, code=0, count=None):
+        env = {"LD_PRELOAD": preloaded(), "LMC_FAULT": f"{what}:{n}:{code}"}
+        return self.run_bake(*self.SMALL, env={**env, **({"LMC_FAULT_COUNT": count} if count else {})}, level=self.LEVEL)
+
+    def reads(self):
+        done = self.fault("read", count=self.path("count"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        shutil.rmtree(self.out)
+        with open(self.path("count")) as f:
+            return int(f.read())
+
+    def test_file_that_ends_at_any_read_is_refused(self):
+        n = self.reads()
+        self.assertEqual(n, 10)  # five files, twice
+        for k in range(1, n + 1):
+            with self.subTest(read=k):
+                done = self.fault("read", k)
+                self.assert_refused(done, (3,))
+                self.assertIn("[LMC_FILE_CHANGED]", done.stderr)
+                self.assertEqual(sorted(content(self.out)), [])
+
+    def test_input_output_error_at_any_read_is_told(self):
+        for k in range(1, self.reads() + 1):
+            with self.subTest(read=k):
+                done = self.fault("read", k, errno.EIO)
+                self.assert_refused(done, (2,))
+                self.assertIn("Input/output error [LMC_FILE_UNREADABLE]", done.stderr)
+                self.assertEqual(sorted(content(self.out)), [])
+                shutil.rmtree(self.out, ignore_errors=True)
+
+    def test_short_and_interrupted_reads_are_gone_on_with(self):
+        self.assertEqual(self.run_bake(*self.SMALL, level=self.LEVEL).returncode, 0)
+        whole = content(self.out)
+        for what in ("halfread", "eintrread"):
+            with self.subTest(what=what):
+                done = self.fault(what)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                for name in SAME_EVERY_TIME:
+                    self.assertEqual(content(self.out)[name], whole[name], name)
+
+    def test_size_that_is_wrong_by_the_time_it_is_read(self):
+        for what in ("shrunk", "grown"):
+            with self.subTest(what=what):
+                self.assert_refused(self.fault(what), (3,))
+                self.assertFalse(os.path.exists(self.out))
+
+
+class Workers(Case):
+    """An exception in a thread that is not main's: the run ends, soon, in words and without output."""
+    ARGUMENTS = ("--map-size", "32", "--preset", "draft", "-j", "3", "--progress", "none")
+
+    def setUp(self):
+        super().setUp()
+        if not OPTIONS.throw_shim:
+            self.skipTest("a sanitizer has a new of its own")
+
+    def throwing(self, kind, n, out, **files):
+        env = {"LD_PRELOAD": OPTIONS.throw_shim, "LMC_THROW": f"{kind}:{n}", **{f"LMC_THROW_{k.upper()}": v for k, v in files.items()}}
+        done = self.run_bake(*self.ARGUMENTS, env=env, level="court.glb", out=out)
+        return done, time.monotonic()
+
+    def test_exception_in_a_worker_ends_the_run(self):
+        done, _ = self.throwing("other", 0, self.out, count=self.path("count"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        with open(self.path("count")) as f:
+            n = int(f.read())
+        self.assertGreater(n, 1000)
+        for kind, code, name in (("other", 9, "LMC_INTERNAL"), ("memory", 8, "LMC_MEMORY")):
+            # How many there are differs from run to run: the last ones may not come.
+            for k in [1, 2, *(n * i // 16 for i in range(1, 13))]:
+                with self.subTest(kind=kind, call=k, of=n):
+                    out, thrown = self.path(f"{kind}{k}"), self.path(f"{kind}{k}.time")
+                    done, ended = self.throwing(kind, k, out, time=thrown)
+                    self.assertEqual(done.returncode, code, done.stderr)
+                    self.assertEqual(done.stderr.count(" error: "), 1, done.stderr)
+                    self.assertIn(f"[{name}]", done.stderr)
+                    self.assertEqual(sorted(content(out)), [])
+                    with open(thrown) as f:
+                        # 1 s is what is asked for; the rest is for a machine that has other things to do.
+                        self.assertLess(ended - float(f.read()), 2.0)
+                    if kind == "other":  # it would come again
+                        self.assertFalse(os.path.exists(os.path.join(out, ".lmc-resume")))
 
 
 class Streams(Case):
@@ -198,6 +298,8 @@ class Limits(Case):
         self.assertEqual(content(self.out), {})
 
     def test_address_space_limit(self):
+        if OPTIONS.sanitized:
+            self.skipTest("a sanitizer alone takes more addresses than any limit leaves")
         for megabytes in (60, 120, 200, 300):
             with self.subTest(megabytes=megabytes):
                 done = self.run_bake(preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, megabytes << 20)))
@@ -383,8 +485,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--lmc", required=True)
     parser.add_argument("--shim", default="")
+    parser.add_argument("--throw-shim", default="")
+    parser.add_argument("--runtime", default="", help="of a sanitizer, to be loaded before the shim")
+    parser.add_argument("--sanitized", action="store_true")
     parser.add_argument("--source-dir", default=os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
     OPTIONS, rest = parser.parse_known_args()
     OPTIONS.lmc, OPTIONS.source_dir = map(os.path.abspath, (OPTIONS.lmc, OPTIONS.source_dir))
-    OPTIONS.shim = os.path.abspath(OPTIONS.shim) if OPTIONS.shim else ""
+    OPTIONS.shim, OPTIONS.throw_shim = (os.path.abspath(s) if s else "" for s in (OPTIONS.shim, OPTIONS.throw_shim))
     unittest.main(argv=[sys.argv[0]] + rest)

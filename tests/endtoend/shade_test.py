@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """lmc shade and lmc check-shader as a user meets them.
 
-    shade_test.py --lmc BUILD/bin/lmc --dump BUILD/tests/bin/exr_dump --source-dir SOURCE [unittest's own arguments]
+    shade_test.py --lmc BUILD/bin/lmc --dump BUILD/tests/bin/exr_dump --osmesa-stub BUILD/tests/bin/libosmesa_stub.so --source-dir SOURCE
+                  [unittest's own arguments]
 """
 import argparse
 import array
@@ -185,12 +186,31 @@ class Shade(Case):
 
     def test_without_osmesa_it_ends_with_4_and_bakes_and_draws_in_cpp_all_the_same(self):
         nothing = dict(os.environ, LMC_OSMESA='libNoSuchOSMesa.so.8')
-        done = lmc('shade', self.sample('court.glb'), '-o', self.folder / 'x.png', code=4, env=nothing)
-        self.assertIn('libNoSuchOSMesa.so.8', done.stderr)
-        self.assertIn('libosmesa6', done.stderr)
-        self.assertFalse((self.folder / 'x.png').exists())
+        self.assert_no_picture(nothing, 'libNoSuchOSMesa.so.8')
         lmc('bake', self.sample('furnace.glb'), '-o', self.folder / 'out', '--preset', 'draft', '--progress', 'none', env=nothing)
         lmc('shade', self.folder / 'out', '-o', self.folder / 'x.png', '--oracle', '--width', 16, '--height', 12, env=nothing)
+
+    def test_an_osmesa_without_functions_or_without_gl_3_3_is_none(self):
+        # Found as the loader finds any library; a display is not asked for.
+        bare = {name: value for name, value in os.environ.items() if name not in ('DISPLAY', 'WAYLAND_DISPLAY', 'XDG_RUNTIME_DIR')}
+        for stub, words in ((OPTIONS.osmesa_stub, 'gives no GL 3.3 core context'), ('libm.so.6', 'has no OSMesaCreateContextAttribs')):
+            self.assert_no_picture(dict(bare, LMC_OSMESA=stub), words)
+        path = self.folder / 'libraries'
+        path.mkdir()
+        (path / 'libOSMesa.so.8').symlink_to(OPTIONS.osmesa_stub)
+        without = dict(bare, LD_LIBRARY_PATH=f'{path}:{os.environ.get("LD_LIBRARY_PATH", "")}')
+        self.assert_no_picture(without, 'gives no GL 3.3 core context')
+        for out, env in (('with', os.environ), ('without', without)):
+            lmc('bake', self.sample('furnace.glb'), '-o', self.folder / out, '--preset', 'draft', '--progress', 'none', env=env)
+        for name in ('lightmap.exr', 'ao.exr', 'level.glb', 'level.lmc.json'):
+            self.assertEqual((self.folder / 'with' / name).read_bytes(), (self.folder / 'without' / name).read_bytes(), name)
+
+    def assert_no_picture(self, env, words):
+        done = lmc('shade', self.sample('court.glb'), '-o', self.folder / 'x.png', code=4, env=env)
+        self.assertIn(words, done.stderr)
+        self.assertIn('libosmesa6', done.stderr)
+        self.assertIn('[LMC_OSMESA]', done.stderr)
+        self.assertFalse((self.folder / 'x.png').exists())
 
     def test_wrong_wishes_are_refused(self):
         lmc('shade', self.sample('court.glb'), '-o', self.folder / 'x.jpg', code=1)
@@ -240,8 +260,9 @@ class CheckShader(Case):
 
 if __name__ == '__main__':
     parser = argparse.ArgumentParser()
-    for name in ('--lmc', '--dump', '--source-dir'):
+    for name in ('--lmc', '--dump', '--osmesa-stub', '--source-dir'):
         parser.add_argument(name, required=True)
     OPTIONS, rest = parser.parse_known_args()
-    OPTIONS.lmc, OPTIONS.dump, OPTIONS.source_dir = map(os.path.abspath, (OPTIONS.lmc, OPTIONS.dump, OPTIONS.source_dir))
+    OPTIONS.lmc, OPTIONS.dump, OPTIONS.osmesa_stub, OPTIONS.source_dir = (
+        os.path.abspath(p) for p in (OPTIONS.lmc, OPTIONS.dump, OPTIONS.osmesa_stub, OPTIONS.source_dir))
     unittest.main(argv=[sys.argv[0]] + rest)

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <set>
 
 #include "libscene/gltf_edit.h"
@@ -72,6 +73,28 @@ TEST(LevelOut, TheLevelComesBackWithItsMarks) {
   EXPECT_EQ(after.mapUv, before.mapUv);
   ASSERT_EQ(after.images.size(), 1u);
   EXPECT_EQ(after.images[0].pixels, before.images[0].pixels);
+}
+
+TEST(LevelOut, ALevelThatChangedSinceItWasLoadedIsRefused) {
+  // One byte more of a buffer, and a blank behind the JSON, are a sound level: only that it is not the one that was loaded speaks against
+  // it. No bytes = the file is gone.
+  for (const auto& [name, more] :
+       std::vector<std::pair<std::string, std::string>>{{"level.gltf", " "}, {"level.bin", "x"}, {"red.png", "x"}, {"red.png", ""}}) {
+    Folder folder;
+    const auto file = richLevel(folder).save(folder);
+    const Scene scene = load(file);
+    const auto changed = file.parent_path() / name;
+    if (more.empty())
+      std::filesystem::remove(changed);
+    else
+      std::ofstream(changed, std::ios::app) << more;
+    try {
+      levelWithMaps(file, {}, scene, {});
+      ADD_FAILURE() << name << " changed, and nothing was said";
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code, "LMC_FILE_CHANGED") << name << ": " << e.what();
+    }
+  }
 }
 
 TEST(LevelOut, StandsAlone) {

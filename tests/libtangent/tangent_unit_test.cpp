@@ -36,6 +36,17 @@ TEST(Tangent, BitangentPointsAgainstVAsStoredAndMirroredUvsFlipTheDeterminant) {
   }
 }
 
+TEST(Loop, WhatAThreadThrowsComesOutWhereTheLoopWasCalled) {
+  for (const int threads : {1, 2, 4})
+    for (const std::size_t failing : {0, 1, 49, 99})
+      EXPECT_THROW(threadedLoop(threads).each(100,
+                                              [&](std::size_t i) {
+                                                if (i == failing) throw std::bad_alloc();
+                                              }),
+                   std::bad_alloc)
+          << threads << " threads, " << failing;
+}
+
 TEST(Reference, HasTheReferencesBits) {
   // Fails when the compiler fuses a product and a sum, or sums in another order.
   for (const ReferenceMesh& mesh : referenceMeshes()) {

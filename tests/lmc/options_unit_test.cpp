@@ -69,5 +69,29 @@ TEST(Options, HelpIsTextForStdout) {
   EXPECT_NE(std::get<ShowText>(parse("bake", "--help")).text.find("--max-error"), std::string::npos);
 }
 
+TEST(Options, HelpOfABakeNamesEveryLimitWithItsDefault) {
+  const std::string help = std::get<ShowText>(parse("bake", "--help")).text;
+  for (const char* limit : {"--max-input-bytes UINT=8589934592", "--max-texture-pixels UINT=268435456", "--max-triangles UINT=200000000",
+                            "--max-nodes UINT=1000000", "--max-instances UINT=1000000", "--max-json-depth INT:INT in [1 - 512]=64",
+                            "--max-extent FLOAT:FLOAT in [1e-09 - 1e+15]=1e+09", "--max-patches UINT:INT in [16 - 10000000]=200000",
+                            "--max-links UINT:UINT in [1 - 1099511627776]=40000000", "--max-maps INT:INT in [1 - 1024]=16",
+                            "--map-size INT:INT in [4 - 16384]", "--memory SIZE", "default: 960M", "16384 x 16384 texels", "Exit codes: "})
+    EXPECT_NE(help.find(limit), std::string::npos) << limit;
+  EXPECT_EQ(help.find("{false}"), std::string::npos);
+}
+
+TEST(Options, LimitsReachTheLoader) {
+  const auto o =
+      std::get<BakeOptions>(parse("bake", "a.glb", "-o", "out", "--max-triangles", "5", "--max-extent", "20", "--max-nodes", "6",
+                                  "--max-instances", "7", "--max-json-depth", "8", "--max-input-bytes", "9", "--max-texture-pixels", "10"));
+  EXPECT_EQ(o.limits.maxTriangles, 5u);
+  EXPECT_EQ(o.limits.maxExtent_m, 20.0);
+  EXPECT_EQ(o.limits.maxNodes, 6u);
+  EXPECT_EQ(o.limits.maxInstances, 7u);
+  EXPECT_EQ(o.limits.maxJsonDepth, 8);
+  EXPECT_EQ(o.limits.maxInputBytes, 9u);
+  EXPECT_EQ(o.limits.maxTexturePixels, 10u);
+}
+
 }  // namespace
 }  // namespace lmc

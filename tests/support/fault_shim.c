@@ -1,6 +1,9 @@
 /* Faults on demand, by LD_PRELOAD: LMC_FAULT=WHAT:N[:ERRNO] lets the N-th call of WHAT fail, counted from main on.
  *   pwrite fsync rename close   of files that the program writes (their temporary name ends in .part): fail with ERRNO
  *   short eintr                 every pwrite writes half, or is interrupted before it writes
+ *   read                        of a level's files: fails with ERRNO; with ERRNO 0 the file has ended there
+ *   halfread eintrread          every read of a level's files reads half, or is interrupted before it reads
+ *   shrunk grown                a level's files have fewer bytes than fstat said, or more
  *   malloc                      returns nothing, once
  * With LMC_FAULT_COUNT=FILE the number of calls of WHAT is written there at the end (N = 0: none fails). */
 #define _GNU_SOURCE
@@ -12,23 +15,31 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/types.h>
 #include <unistd.h>
 
-enum What { NOTHING, PWRITE, FSYNC, RENAME, CLOSE, SHORT, EINTR_, MALLOC };
+enum What { NOTHING, PWRITE, FSYNC, RENAME, CLOSE, SHORT, EINTR_, MALLOC, READ, HALFREAD, EINTRREAD, SHRUNK, GROWN, WHATS };
+static const char* const names[WHATS] = {"",      "pwrite", "fsync", "rename",   "close",     "short",  "eintr",
+                                         "malloc", "read",   "halfread", "eintrread", "shrunk", "grown"};
 static enum What what = NOTHING;
 static long wanted = 0;
 static int failure = EIO;
 static atomic_long calls;
 static atomic_int counting;
 static atomic_int last_interrupted;
-static atomic_char ours[1024];
+static atomic_char ours[1024], inputs[1024];
 
 static int hits(enum What w) {
   if (!atomic_load(&counting) || what != w) return 0;
   return atomic_fetch_add(&calls, 1) + 1 == wanted;
 }
 static int isOurs(int fd) { return fd >= 0 && fd < 1024 && ours[fd]; }
+static int isInput(int fd) { return fd >= 0 && fd < 1024 && inputs[fd]; }
+static int endsWith(const char* path, const char* end) {
+  const size_t n = strlen(path), m = strlen(end);
+  return n > m && strcmp(path + n - m, end) == 0;
+}
 
 static void note(void) {
   const char* file = getenv("LMC_FAULT_COUNT");
@@ -40,11 +51,10 @@ static void note(void) {
 
 static int (*realMain)(int, char**, char**);
 static int countedMain(int argc, char** argv, char** environment) {
-  static const char* const names[] = {"", "pwrite", "fsync", "rename", "close", "short", "eintr", "malloc"};
   const char* fault = getenv("LMC_FAULT");
   char name[16] = "";
   if (fault && sscanf(fault, "%15[a-z]:%ld:%d", name, &wanted, &failure) >= 1)
-    for (int i = 1; i < 8; ++i)
+    for (int i = 1; i < WHATS; ++i)
       if (strcmp(name, names[i]) == 0) what = (enum What)i;
   atexit(note);
   atomic_store(&counting, 1);
@@ -64,8 +74,10 @@ int open(const char* path, int flags, ...) {
   static int (*real)(const char*, int, ...);
   if (!real) real = dlsym(RTLD_NEXT, "open");
   const int fd = real(path, flags, mode);
-  const size_t n = strlen(path);
-  if (fd >= 0 && fd < 1024) ours[fd] = (flags & O_CREAT) && n > 5 && strcmp(path + n - 5, ".part") == 0;
+  if (fd >= 0 && fd < 1024) {
+    ours[fd] = (flags & O_CREAT) && endsWith(path, ".part");
+    inputs[fd] = (flags & O_ACCMODE) == O_RDONLY && (endsWith(path, ".gltf") || endsWith(path, ".glb") || endsWith(path, ".bin") || endsWith(path, ".png"));
+  }
   return fd;
 }
 
@@ -86,6 +98,24 @@ ssize_t pwrite64(int fd, const void* data, size_t size, off_t at) {
   static ssize_t (*real)(int, const void*, size_t, off_t);
   if (!real) real = dlsym(RTLD_NEXT, "pwrite64");
   return write_at(real, fd, data, size, at);
+}
+ssize_t read(int fd, void* data, size_t size) {
+  static ssize_t (*real)(int, void*, size_t);
+  if (!real) real = dlsym(RTLD_NEXT, "read");
+  if (isInput(fd)) {
+    if (hits(READ)) return failure ? (errno = failure, -1) : 0;
+    if (what == HALFREAD && size > 1) size = size / 2 + 1;
+    if (what == EINTRREAD && !atomic_fetch_xor(&last_interrupted, 1)) return errno = EINTR, -1;
+  }
+  return real(fd, data, size);
+}
+int fstat(int fd, struct stat* info) {
+  static int (*real)(int, struct stat*);
+  if (!real) real = dlsym(RTLD_NEXT, "fstat");
+  const int result = real(fd, info);
+  if (result == 0 && isInput(fd) && what == SHRUNK) info->st_size += 4096;
+  if (result == 0 && isInput(fd) && what == GROWN) info->st_size = info->st_size * 3 / 4;
+  return result;
 }
 int fsync(int fd) {
   static int (*real)(int);
@@ -110,6 +140,7 @@ int close(int fd) {
   static int (*real)(int);
   if (!real) real = dlsym(RTLD_NEXT, "close");
   const int fails = isOurs(fd) && hits(CLOSE);
+  if (fd >= 0 && fd < 1024) inputs[fd] = 0;
   const int result = real(fd);
   return fails ? (errno = failure, -1) : result;
 }
