@@ -403,8 +403,8 @@ class HemisphereBaker {
   /// What is known of the error of the level or of an object [lx].
   struct Standing {
     double points = 0.0, texels = 0.0;
-    double noise2 = 0.0, field2 = 0.0, bounced = 0.0, between2 = 0.0;  ///< sums over the texels
-    double noise() const { return texels > 0.0 ? std::sqrt(noise2 / texels) : 0.0; }
+    double noise2 = 0.0, direct2 = 0.0, field2 = 0.0, bounced = 0.0, between2 = 0.0;  ///< sums over the texels
+    double noise() const { return texels > 0.0 ? std::sqrt((noise2 + direct2) / texels) : 0.0; }
     double between() const { return texels > 0.0 ? std::sqrt(between2 / texels) : 0.0; }
   };
   std::vector<Standing> standings() const {
@@ -420,24 +420,29 @@ class HemisphereBaker {
       }
     for (std::size_t o = 0; o < between.size(); ++o)
       for (Standing* s : {&out[o], &out.back()}) {
-        s->noise2 += direct2[o];
+        s->direct2 += direct2[o];
         s->between2 += between[o];
       }
     return out;
   }
-  /// What patches and bounces left out take of the bound [lx].
-  double patchesOf(const Standing& s) const {
+  /// What patches and bounces left out take of a bound [lx].
+  double patchesOf(const Standing& s, double budget) const {
     if (!(s.texels > 0.0)) return 0.0;
     // A sample's drift is mostly noise, and that of coarser patches than the bake's.
-    const double field = options_.sampled < 1.0 ? kUsualField * goal_ * mean_ : kFieldBound * kFieldShare * std::sqrt(s.field2 / s.texels);
+    const double field = options_.sampled < 1.0 ? kUsualField * budget : kFieldBound * kFieldShare * std::sqrt(s.field2 / s.texels);
     return field + options_.tail * s.bounced / s.texels + options_.leftOut * mean_;
+  }
+  /// The noise that there may be beside what interpolation, patches and bounces left out take: they add up in the bound (design.md section
+  /// 5) [lx].
+  double noiseFor(const Standing& s, double budget) const {
+    return std::max((budget - s.between() - patchesOf(s, budget)) / noise95(s.points / options_.sampled), kLeastNoise * budget);
   }
 
   /// Rays that every corner needs for the goal, from what the first ones tell: a coarse goal asks for few.
   std::uint32_t pilotRays() const {
-    const Standing level = standings().back();
-    const double budget = kBudget * goal_ * mean_;
-    const double allowed = std::max((budget - patchesOf(level)) / noise95(level.points / options_.sampled), kLeastNoise * budget);
+    Standing level = standings().back();
+    level.between2 = 0.0;  // not known yet
+    const double allowed = noiseFor(level, kBudget * goal_ * mean_);
     if (!(allowed > 0.0)) return kFirstRays;
     const double wish = double(kFirstRays) * std::pow(level.noise() / allowed, 1.0 / kSobolExponent);
     return std::uint32_t(std::clamp(4.0 * std::ceil(wish / 4.0), double(kFirstRays), double(kPilotRays)));
@@ -447,7 +452,7 @@ class HemisphereBaker {
   bool isMet() const {
     const std::vector<Standing> all = standings();
     const auto below = [&](const Standing& s, double budget, double goal) {
-      return s.noise() * noise95(s.points / options_.sampled) + s.between() + patchesOf(s) <= budget &&
+      return s.noise() * noise95(s.points / options_.sampled) + s.between() + patchesOf(s, budget) <= budget &&
              s.between() <= kLargeInterpolation * goal;
     };
     for (std::size_t o = 0; o + 1 < all.size(); ++o)
@@ -496,34 +501,11 @@ class HemisphereBaker {
       return hi;
     };
 
+    const std::vector<Standing> known = standings();
     // Noise of direct light is there already; rays cannot mend it, and it leaves them at least half of what is allowed.
-    std::vector<double> directVariance(scene_.objects.size(), 0.0);
-    double levelVariance = 0.0, texels = 0.0;
-    for (std::size_t i = 0; i < map_.size(); ++i) {
-      if (map_.chart[i] == kNone) continue;
-      const glm::dvec3 d = 0.5 * (glm::dvec3(map_.direct[0][i]) - glm::dvec3(map_.direct[1][i]));
-      directVariance[map_.object[i]] += mean3(d * d) / std::max(1.0, objectTexels_[map_.object[i]]);
-      levelVariance += mean3(d * d);
-      texels += 1.0;
-    }
-    levelVariance /= texels;
-    // What interpolation, patches and bounces left out take leaves less for noise: they add up in the bound (design.md section 5).
-    const std::vector<double> between = interpolation2();
-    const auto noiseFor = [&](double budget, std::span<const std::uint32_t> ids, double interpolation2Sum, double texelsOf,
-                              double directVarianceOf) {
-      double points = 0.0, spoken = 0.0, field2 = 0.0, bounced = 0.0;
-      for (const std::uint32_t i : ids) {
-        const Pool& p = pools_[i];
-        points += p.points;
-        spoken += p.texels;
-        field2 += p.texels * mean3(p.drift * p.drift);
-        bounced += p.texels * p.bounced;
-      }
-      // A sample's drift is mostly noise, and that of coarser patches than the bake's.
-      const double field = options_.sampled < 1.0 ? kUsualField * budget : kFieldBound * kFieldShare * std::sqrt(field2 / spoken);
-      const double others = std::sqrt(interpolation2Sum / texelsOf) + field + options_.tail * bounced / spoken + options_.leftOut * mean_;
-      const double noise = std::max((budget - others) / noise95(points / options_.sampled), kLeastNoise * budget);
-      return std::max(noise * noise - directVarianceOf, 0.5 * noise * noise);
+    const auto varianceFor = [&](const Standing& s, double budget) {
+      const double noise = noiseFor(s, budget);
+      return std::max(noise * noise - s.direct2 / std::max(1.0, s.texels), 0.5 * noise * noise);
     };
 
     std::vector<std::uint32_t> all;
@@ -538,8 +520,7 @@ class HemisphereBaker {
       for (const std::uint32_t i : ids) pools_[i].wanted = std::max(pools_[i].wanted, raysAt(pools_[i], kappa));
     };
     for (Pool& p : pools_) p.wanted = p.rays;
-    give(all,
-         solve(all, noiseFor(kBudget * goal_ * mean_, all, std::accumulate(between.begin(), between.end(), 0.0), texels, levelVariance)));
+    give(all, solve(all, varianceFor(known.back(), kBudget * goal_ * mean_)));
     // In a sample those with few pools know too little of their own noise: together, each in units of what it may have.
     struct Limited {
       std::span<const std::uint32_t> ids;
@@ -560,9 +541,7 @@ class HemisphereBaker {
     };
     std::vector<Limited> limited;
     for (std::size_t o = 0; o < byObject.size(); ++o)
-      if (!byObject[o].empty())
-        limited.push_back(
-            {byObject[o], noiseFor(kObjectBudget * budgetOf(o), byObject[o], between[o], objectTexels_[o], directVariance[o])});
+      if (!byObject[o].empty()) limited.push_back({byObject[o], varianceFor(known[o], kObjectBudget * budgetOf(o))});
     giveEach(limited);
     limited.clear();
     for (std::size_t c = 0; c < byChart.size(); ++c) {
@@ -580,7 +559,7 @@ class HemisphereBaker {
       wanted += p.points * p.wanted;
       have += p.points * p.rays;
     }
-    const double most = std::max(0.0, texels * kMeanRaysAtTwoPercent * std::pow(0.02 / goal_, 1.0 / a) - have);
+    const double most = std::max(0.0, known.back().texels * kMeanRaysAtTwoPercent * std::pow(0.02 / goal_, 1.0 / a) - have);
     if (wanted - have > most)
       for (Pool& p : pools_) p.wanted = p.rays + (p.wanted - p.rays) * most / (wanted - have);
     for (std::size_t i = 0; i < map_.size(); ++i)
