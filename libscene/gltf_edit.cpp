@@ -157,12 +157,18 @@ void forViews(Json& json, F f) {
       if (image.contains("bufferView")) f(image["bufferView"]);
 }
 
-/// Members of json[array] that `forUses` does not name go, and the names of the rest follow.
+/// Members of json[array] that `forUses` does not name go, and the names of the rest follow. A name of none (nobody checks animations)
+/// stays.
 template <class ForUses>
 void keepUsed(Json& json, const char* array, ForUses forUses) {
   if (!json.contains(array)) return;
   std::vector<bool> used(json[array].size(), false);
-  forUses(json, [&](Json& index) { used[index.get<std::size_t>()] = true; });
+  const auto namesOne = [&](const Json& index) {
+    return index.is_number() && index.get<double>() >= 0.0 && index.get<double>() < double(used.size());
+  };
+  forUses(json, [&](Json& index) {
+    if (namesOne(index)) used[index.get<std::size_t>()] = true;
+  });
   std::vector<std::size_t> now(used.size());
   Json kept = Json::array();
   for (std::size_t i = 0; i < used.size(); ++i) {
@@ -170,7 +176,9 @@ void keepUsed(Json& json, const char* array, ForUses forUses) {
     if (used[i]) kept.push_back(std::move(json[array][i]));
   }
   json[array] = std::move(kept);
-  forUses(json, [&](Json& index) { index = now[index.get<std::size_t>()]; });
+  forUses(json, [&](Json& index) {
+    if (namesOne(index)) index = now[index.get<std::size_t>()];
+  });
 }
 
 /// What the accessor readers want to know of a primitive.

@@ -97,6 +97,15 @@ TEST(LevelOut, ALevelThatChangedSinceItWasLoadedIsRefused) {
   }
 }
 
+TEST(LevelOut, AnAnimationThatNamesNoAccessorStaysWhatItIs) {
+  Folder folder;
+  Builder b = squareLevel();
+  b.json["animations"] = {
+      {{"channels", Json::array()}, {"samplers", {{{"input", 123456789}, {"output", -1}}, {{"input", "x"}, {"output", 0}}}}}};
+  const Json json = jsonOf(out(b.save(folder), {.more = [](GltfEdit&) {}}));
+  EXPECT_EQ(json["animations"][0]["samplers"].dump(), R"([{"input":123456789,"output":-1},{"input":"x","output":0}])");
+}
+
 TEST(LevelOut, StandsAlone) {
   Folder folder;
   const Json json = jsonOf(out(richLevel(folder).save(folder)));
