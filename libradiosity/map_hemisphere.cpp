@@ -165,7 +165,8 @@ class HemisphereBaker {
     pilotRays_ = pilotRays();
     wish(pilotRays_);
     if (cast(0.5 * done, done)) makePools();
-    if (isMet()) return done;
+    // What the others would find is not known to a sample.
+    if (options_.sampled == 1.0 && isMet()) return done;
     for (int k = 0; k < kHalvings && refine(); ++k) {
       cast(done, done + 0.02);
       done += 0.02;
@@ -452,8 +453,7 @@ class HemisphereBaker {
   bool isMet() const {
     const std::vector<Standing> all = standings();
     const auto below = [&](const Standing& s, double budget, double goal) {
-      return s.noise() * noise95(s.points / options_.sampled) + s.between() + patchesOf(s, budget) <= budget &&
-             s.between() <= kLargeInterpolation * goal;
+      return s.noise() * noise95(s.points) + s.between() + patchesOf(s, budget) <= budget && s.between() <= kLargeInterpolation * goal;
     };
     for (std::size_t o = 0; o + 1 < all.size(); ++o)
       if (all[o].texels > 0.0 && !below(all[o], kObjectBudget * budgetOf(o), budgetOf(o))) return false;

@@ -25,11 +25,12 @@ constexpr double kDirectMargin = 1.1, kPatchMargin = 1.5;
 constexpr double kNearRays = 0.7;  // rays for each near hit: one, but for those below the surface there, and patches are smaller in corners
 
 // What a stage takes beside its rays [s], from bakes of the reference scenes. Rays are timed by the pilot itself.
-constexpr double kDirectTexel_s = 0.7e-6;
-constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the map's texels: in the pilot, in the bake
+constexpr double kPilotTexel_s = 1.0e-6, kDirectTexel_s = 0.7e-6;     // of direct light: in the pilot, in the bake
+constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the gather, likewise
+constexpr double kManyRays = 0.92;                                    // a ray among many neighbours, against one of a sample
 constexpr double kAoTexel_s = 3e-6, kAoHard = 1.25;                   // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
-constexpr double kLeastRay_s = 0.05e-6;
+constexpr double kLeastRay_s = 0.05e-6, kLeastDirectRay_s = 0.15e-6;
 // Against the pilot's patches: how many the bake makes at a goal of 2 %, and how often it does to them what the pilot does once.
 constexpr double kFinerPatches = 3.5, kMeshAgain = 3.0, kLightAgain = 3.0;
 // Spread of what comes out of these, beside what sampling leaves: standard deviations of the logarithm.
@@ -118,7 +119,7 @@ class PilotRun {
     const DirectPilot seen = pilotDirect(b_.map, b_.scene, *b_.texels, direct, options, quiet_);
     const double cast = rays(Purpose::Shadow) + rays(Purpose::Emitter) - shadowRays;
     if (cast > 0.0) {
-      const double ray_s = std::max(kLeastRay_s, (clock.lap() - kDirectTexel_s * all_) / cast);
+      const double ray_s = std::max(kLeastDirectRay_s, (clock.lap() - kPilotTexel_s * all_) / cast);
       out_.direct = forecast(seen.rays, kDirectTexel_s * all_ + ray_s * seen.rays, kDirectSpread);
     }
     const bool bounce = b_.plan.runs(Effect::Bounce), sky = b_.plan.runs(Effect::Sky);
@@ -233,7 +234,7 @@ class PilotRun {
     std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
     const auto size = double(b_.map.size());
     const double rays_s = clock.lap();
-    const double ray_s = std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast));
+    const double ray_s = kManyRays * std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast));
     // Few blocks know little of their own spread.
     const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0);
     const double all = told.rays + (b_.plan.runs(Effect::Near) ? kNearRays * told.near : 0.0);
