@@ -101,6 +101,12 @@ class HemisphereBaker {
     guideOf_ = TexelArray<std::uint32_t>(map.size());
     const std::uint32_t guides = numberChartBlocks(map.chart, map.width, kGuideBlock, guideOf_);
     guides_ = TexelArray<Guide>(guides);  // a guide that knows nothing is all zeros
+    directNoise2_.assign(scene.objects.size(), 0.0);
+    for (std::size_t i = 0; i < map.size(); ++i) {
+      if (map.chart[i] == kNone) continue;
+      const glm::dvec3 d = 0.5 * (glm::dvec3(map.direct[0][i]) - glm::dvec3(map.direct[1][i]));
+      directNoise2_[map.object[i]] += mean3(d * d);
+    }
   }
 
   void bake() {
@@ -410,7 +416,7 @@ class HemisphereBaker {
   };
   std::vector<Standing> standings() const {
     std::vector<Standing> out(scene_.objects.size() + 1);  // the level last
-    const std::vector<double> between = interpolation2(), direct2 = directNoise2();
+    const std::vector<double> between = interpolation2();
     for (const Pool& p : pools_)
       for (Standing* s : {&out[p.object], &out.back()}) {
         s->points += p.points;
@@ -421,7 +427,7 @@ class HemisphereBaker {
       }
     for (std::size_t o = 0; o < between.size(); ++o)
       for (Standing* s : {&out[o], &out.back()}) {
-        s->direct2 += direct2[o];
+        s->direct2 += directNoise2_[o];
         s->between2 += between[o];
       }
     return out;
@@ -458,17 +464,6 @@ class HemisphereBaker {
     for (std::size_t o = 0; o + 1 < all.size(); ++o)
       if (all[o].texels > 0.0 && !below(all[o], kObjectBudget * budgetOf(o), budgetOf(o))) return false;
     return below(all.back(), kBudget * goal_ * mean_, goal_ * mean_);
-  }
-
-  /// Noise of direct light: sum over the texels of each object [lx^2].
-  std::vector<double> directNoise2() const {
-    std::vector<double> out(scene_.objects.size(), 0.0);
-    for (std::size_t i = 0; i < map_.size(); ++i) {
-      if (map_.chart[i] == kNone) continue;
-      const glm::dvec3 d = 0.5 * (glm::dvec3(map_.direct[0][i]) - glm::dvec3(map_.direct[1][i]));
-      out[map_.object[i]] += mean3(d * d);
-    }
-    return out;
   }
 
   /// Rays for each pool so that the predicted noise of the level meets the goal, and of each object and neighbourhood its own, with the
@@ -643,6 +638,7 @@ class HemisphereBaker {
   };
   TexelArray<Near> near_;  // one a texel of a sample, else none
   std::vector<double> objectMean_, objectTexels_;
+  std::vector<double> directNoise2_;  // of direct light: sum over the texels of each object [lx^2]
   double mean_ = 0.0;
   std::uint32_t round_ = 0;  // of casts
   std::uint32_t pilotRays_ = kPilotRays;

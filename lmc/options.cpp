@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "lmc/help.h"
 #include "lmc/memory.h"
 
 namespace lmc {
@@ -495,25 +496,147 @@ StudyOptions settled(StudyOptions o, const std::string& ladder) {
   return o;
 }
 
+void addBake(CLI::App* app, BakeOptions& o) {
+  addLevelOptions(app, o);
+  app->footer(kFixedLimits + std::string("\n") + kExitCodes);
+  app->add_option("-o,--out", o.out, "folder for the outputs; made when missing")->required()->type_name("FOLDER");
+  app->add_flag("--snapshot", o.snapshot, "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
+  app->add_option_function<std::vector<std::string>>(
+         "--dump",
+         [&o](const std::vector<std::string>& what) {
+           for (const std::string& w : what) (w == "seams" ? o.dumpSeams : o.dumpPatches) = true;
+         },
+         "also write what was made on the way, a list: patches (patches.obj, patches.png: patches in the map's layout, the finer the "
+         "brighter), seams (seams.png: differences across smooth seams before and after they were closed)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"patches", "seams"}))
+      ->type_name("WHAT");
+  app->add_option_function<std::string>(
+         "--memory",
+         [&o](const std::string& t) {
+           const auto bytes = bytesOf(t);
+           if (!bytes) throw CLI::ValidationError("--memory", "'" + t + "' is not a size such as 512M or 2G");
+           o.memory_bytes = *bytes;
+         },
+         "what the process may hold, within 10 %, such as 512M or 2G [default: 960M, or 256M beside a level that takes more]: what lmc "
+         "keeps a texel then lies in files in OUT; never changes a result; exit code 8, before the work, where less than the least")
+      ->type_name("SIZE")
+      ->group(kBakeLimits);
+  app->add_option_function<std::string>(
+         "--explain",
+         [&o](const std::string& t) {
+           const std::size_t count = std::ranges::count(t, ',') == 2 ? 3 : 2;
+           const auto v = numbers(t, count, "--explain", "a texel X,Y or X,Y,MAP");
+           std::array<int, 3> texel{0, 0, 0};
+           for (std::size_t i = 0; i < count; ++i) {
+             if (v[i] < 0 || v[i] > 1e6 || v[i] != std::floor(v[i]))
+               throw CLI::ValidationError("--explain", "'" + t + "' is no texel X,Y or X,Y,MAP");
+             texel[i] = int(v[i]);
+           }
+           o.explain = texel;
+         },
+         "also say which lights, surfaces and sky made a texel, and what stands in their way (row 0 is the top)")
+      ->type_name("X,Y[,MAP]");
+  app->add_option_function<std::string>(
+         "--time", [&o](const std::string& t) { o.time_s = secondsOf(t); },
+         "the best map in this time, such as 90s or 2m, instead of an error asked for; the error reached is stated, and the goal and "
+         "rounds that "
+         "give the same bytes; exit code 5 where it cannot be done in that time")
+      ->type_name("TIME");
+  app->add_flag_callback(
+      "--no-resume", [&o] { o.resume = false; },
+      "start from zero and keep no journal [default: finished tiles are kept in OUT/.lmc-resume until the bake is done, and "
+      "the same command goes on with those of a run that was stopped or killed; not with --time]");
+  app->add_flag("--json", o.json, "print the report on stdout");
+  app->add_option("--depfile", o.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
+  app->add_option_function<std::string>(
+         "--progress", [&o](const std::string& t) { o.progress = kProgress.at(t); },
+         "auto (bar on a terminal, else lines), bar, lines, json, none")
+      ->check(CLI::IsMember({"auto", "bar", "lines", "json", "none"}))
+      ->type_name("KIND");
+}
+
+void addPlan(CLI::App* app, PlanOptions& o) {
+  addLevelOptions(app, o.bake);
+  app->add_flag("--json", o.bake.json, "print the plan as JSON");
+}
+
+void addCompare(CLI::App* app, CompareOptions& o) {
+  app->add_option("A", o.a, "first file")->required();
+  app->add_option("B", o.b, "second file")->required();
+  app->add_option("--max-diff", o.maxDiff, "largest absolute difference allowed; exit code 7 above it")->type_name("X");
+  app->add_flag("--json", o.json, "print the figures as JSON");
+}
+
+void addVerify(CLI::App* app, VerifyOptions& o) {
+  app->add_option("CASES", o.files, "files of cases (JSON, schema lmc-analytic/1) or of tangent vectors (.tspace)")->required();
+  app->add_option("--only", o.only, "run the case of this id, or all whose id begins so")->type_name("ID");
+  app->add_flag("--json", o.json, "print the results as JSON");
+  app->add_option("--seed", o.seed, "of all random numbers")->capture_default_str();
+  app->add_option("-j,--threads", o.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+}
+
+void addTangents(CLI::App* app, TangentsOptions& o) {
+  app->add_option("IN", o.in, "file to read, .glb or .gltf")->required();
+  app->add_option("-o,--out", o.out, "file to write: .glb, or .gltf with its buffer inside")->required();
+  app->add_flag("--regenerate", o.how.regenerate, "make those anew that the file has; else they are checked and kept");
+  app->add_flag("--all", o.how.all, "also where no normal map calls for them, by TEXCOORD_0");
+  addGreen(app, o.how.greenDown);
+  addInputLimits(app, o.limits);
+  app->add_flag("--json", o.json, "print the report as JSON");
+  app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+}
+
+void addUnwrap(CLI::App* app, UnwrapOptions& o) {
+  app->add_option("LEVEL", o.level, "level to read, .glb or .gltf")->required();
+  app->add_option("-o,--out", o.out, "file to write: .glb, or .gltf with its buffer inside")->required();
+  addUvOptions(app, o.uv);
+  addInputLimits(app, o.limits);
+  app->add_flag("--json", o.json, "print what was done as JSON");
+  app->add_option("-j,--threads", o.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+}
+
+void addInfo(CLI::App* app, InfoOptions& o) {
+  app->add_option("LEVEL", o.level, "level to read, .glb or .gltf")->required();
+  app->add_option("--pictures", o.pictures,
+                  "folder for charts.png (a colour a chart) and density.png (too coarse blue, right green, too fine red, overlap magenta)")
+      ->type_name("DIR");
+  app->add_option("--map-size", o.uv.mapSize, "side of a light map in texels [default: as for a bake]")->check(CLI::Range(4, 16384));
+  app->add_option("--texels-per-metre", o.uv.texelsPerMetre, "density when no size is given [default: as for a bake]")
+      ->check(CLI::Range(1e-6, 1e6));
+  addInputLimits(app, o.limits);
+  app->add_flag("--json", o.json, "print the table as JSON");
+  app->add_option("-j,--threads", o.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+}
+
+void addAttach(CLI::App* app, AttachOptions& o) {
+  app->add_option("LEVEL", o.level, "rewritten level, .glb or .gltf")->required();
+  app->add_option("OUT", o.baked, "folder of the bake")->required();
+  app->add_option("-o,--out", o.out, "file to write, .glb or .gltf [default: attached.glb in OUT]");
+  app->add_option("--tolerance", o.tolerance, "how far surfaces may have moved, as a share of the level's size")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 0.1));
+  addInputLimits(app, o.limits);
+  app->add_flag("--json", o.json, "print what was matched as JSON");
+  app->add_option("-j,--threads", o.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+}
+
+void addFitAttenuation(CLI::App* app, FitAttenuationOptions& o) {
+  app->add_option("--range", o.range_m, "where the light ends [m]")->required()->check(CLI::Range(1e-6, 1e9));
+  app->add_option(
+         "--falloff", o.fallOff,
+         "inverse-square, inverse-square-window (as KHR_lights_punctual ends it), inverse, smooth ((1 - (d/range)^2)^2), smoothstep, "
+         "linear, suggested (c = 1, l = 2/range, q = 1/range^2), or a file with a distance and a value a line")
+      ->required()
+      ->type_name("KIND");
+  app->add_option("--near", o.near_m,
+                  "where the fit begins [m; default: a hundredth of the range where the fall-off has no upper end, else 0]")
+      ->check(CLI::Range(1e-9, 1e9));
+  app->add_flag("--json", o.json, "print the constants as JSON");
+}
+
 /// Lines of help end before this column, so that they can be read; descriptions begin at CLI11's.
 constexpr std::size_t kHelpColumns = 110, kHelpStart = 30;
-
-std::string wrapped(std::string_view text, std::size_t columns) {
-  std::string out;
-  std::size_t used = 0;
-  while (!text.empty()) {
-    const std::string_view word = text.substr(0, text.find(' '));
-    text.remove_prefix(std::min(text.size(), word.size() + 1));
-    if (used > 0) {
-      const bool fits = used + 1 + word.size() <= columns;
-      out += fits ? ' ' : '\n';
-      used = fits ? used + 1 : 0;
-    }
-    out += word;
-    used += word.size();
-  }
-  return out;
-}
 
 class WrappedHelp : public CLI::Formatter {
  public:
@@ -532,17 +655,6 @@ class WrappedHelp : public CLI::Formatter {
   }
 };
 
-constexpr const char* kFixedLimits =
-    "Fixed limits: maps of 16384 x 16384 texels, also where the level's lightmap.resolution asks for more (exit code 8); lights of 1e18 cd "
-    "or lx and emission of 1e18 cd/m^2, UVs of 1e6, 8192 members of one JSON object, 16 Mi elements or bytes that a file names but does "
-    "not "
-    "hold (exit code 3); 16 GiB of a journal (further tiles are not kept).";
-
-constexpr const char* kExitCodes =
-    "Exit codes: 0 done and goal met, 1 command line, 2 missing, unreadable or not writable, 3 level is broken or above a limit, 4 needs a "
-    "feature that is not supported, 5 explicit goal missed (maps written), 6 numerical check failed (maps not written), 7 compare or "
-    "check-shader above its limit, 8 no space, memory or size limit, 9 internal error, 130/143 stopped.";
-
 }  // namespace
 
 Command parseCommandLine(int argc, const char* const* argv) {
@@ -555,82 +667,16 @@ Command parseCommandLine(int argc, const char* const* argv) {
 
   BakeOptions bake;
   CLI::App* bakeApp = app.add_subcommand("bake", "bake light maps of a level");
-  addLevelOptions(bakeApp, bake);
-  bakeApp->footer(kFixedLimits + std::string("\n") + kExitCodes);
-  bakeApp->add_option("-o,--out", bake.out, "folder for the outputs; made when missing")->required()->type_name("FOLDER");
-  bakeApp->add_flag("--snapshot", bake.snapshot,
-                    "also write passes/pass.NNN.exr, the map from patches alone, after each pass of the solver");
-  bakeApp
-      ->add_option_function<std::vector<std::string>>(
-          "--dump",
-          [&bake](const std::vector<std::string>& what) {
-            for (const std::string& w : what) (w == "seams" ? bake.dumpSeams : bake.dumpPatches) = true;
-          },
-          "also write what was made on the way, a list: patches (patches.obj, patches.png: patches in the map's layout, the finer the "
-          "brighter), seams (seams.png: differences across smooth seams before and after they were closed)")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"patches", "seams"}))
-      ->type_name("WHAT");
-  bakeApp
-      ->add_option_function<std::string>(
-          "--memory",
-          [&bake](const std::string& t) {
-            const auto bytes = bytesOf(t);
-            if (!bytes) throw CLI::ValidationError("--memory", "'" + t + "' is not a size such as 512M or 2G");
-            bake.memory_bytes = *bytes;
-          },
-          "what the process may hold, within 10 %, such as 512M or 2G [default: 960M, or 256M beside a level that takes more]: what lmc "
-          "keeps a texel then lies in files in OUT; never changes a result; exit code 8, before the work, where less than the least")
-      ->type_name("SIZE")
-      ->group(kBakeLimits);
-  bakeApp
-      ->add_option_function<std::string>(
-          "--explain",
-          [&bake](const std::string& t) {
-            const std::size_t count = std::ranges::count(t, ',') == 2 ? 3 : 2;
-            const auto v = numbers(t, count, "--explain", "a texel X,Y or X,Y,MAP");
-            std::array<int, 3> texel{0, 0, 0};
-            for (std::size_t i = 0; i < count; ++i) {
-              if (v[i] < 0 || v[i] > 1e6 || v[i] != std::floor(v[i]))
-                throw CLI::ValidationError("--explain", "'" + t + "' is no texel X,Y or X,Y,MAP");
-              texel[i] = int(v[i]);
-            }
-            bake.explain = texel;
-          },
-          "also say which lights, surfaces and sky made a texel, and what stands in their way (row 0 is the top)")
-      ->type_name("X,Y[,MAP]");
-  bakeApp
-      ->add_option_function<std::string>(
-          "--time", [&bake](const std::string& t) { bake.time_s = secondsOf(t); },
-          "the best map in this time, such as 90s or 2m, instead of an error asked for; the error reached is stated, and the goal and "
-          "rounds that "
-          "give the same bytes; exit code 5 where it cannot be done in that time")
-      ->type_name("TIME");
-  bakeApp->add_flag_callback(
-      "--no-resume", [&bake] { bake.resume = false; },
-      "start from zero and keep no journal [default: finished tiles are kept in OUT/.lmc-resume until the bake is done, and "
-      "the same command goes on with those of a run that was stopped or killed; not with --time]");
-  bakeApp->add_flag("--json", bake.json, "print the report on stdout");
-  bakeApp->add_option("--depfile", bake.depfile, "write the level's input files as a Make rule for the sidecar")->type_name("FILE");
-  bakeApp
-      ->add_option_function<std::string>(
-          "--progress", [&bake](const std::string& t) { bake.progress = kProgress.at(t); },
-          "auto (bar on a terminal, else lines), bar, lines, json, none")
-      ->check(CLI::IsMember({"auto", "bar", "lines", "json", "none"}))
-      ->type_name("KIND");
+  addBake(bakeApp, bake);
 
   PlanOptions plan;
   CLI::App* planApp =
       app.add_subcommand("plan", "say which effects a bake would simulate, why, what each is worth and going to cost; writes nothing");
-  addLevelOptions(planApp, plan.bake);
-  planApp->add_flag("--json", plan.bake.json, "print the plan as JSON");
+  addPlan(planApp, plan);
 
   CompareOptions compare;
   CLI::App* compareApp = app.add_subcommand("compare", "differences of two maps (EXR) or pictures (PNG, JPEG), channel by channel");
-  compareApp->add_option("A", compare.a, "first file")->required();
-  compareApp->add_option("B", compare.b, "second file")->required();
-  compareApp->add_option("--max-diff", compare.maxDiff, "largest absolute difference allowed; exit code 7 above it")->type_name("X");
-  compareApp->add_flag("--json", compare.json, "print the figures as JSON");
+  addCompare(compareApp, compare);
 
   ShadeOptions shade;
   CLI::App* shadeApp = app.add_subcommand("shade", "picture of a level, baked or not, by the deferred reference shader");
@@ -644,22 +690,11 @@ Command parseCommandLine(int argc, const char* const* argv) {
   VerifyOptions verify;
   CLI::App* verifyApp =
       app.add_subcommand("verify", "run analytic reference cases and tangent vectors through the libraries; exit code 6 when one fails");
-  verifyApp->add_option("CASES", verify.files, "files of cases (JSON, schema lmc-analytic/1) or of tangent vectors (.tspace)")->required();
-  verifyApp->add_option("--only", verify.only, "run the case of this id, or all whose id begins so")->type_name("ID");
-  verifyApp->add_flag("--json", verify.json, "print the results as JSON");
-  verifyApp->add_option("--seed", verify.seed, "of all random numbers")->capture_default_str();
-  verifyApp->add_option("-j,--threads", verify.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+  addVerify(verifyApp, verify);
 
   TangentsOptions tangents;
   CLI::App* tangentsApp = app.add_subcommand("tangents", "write tangents after MikkTSpace into a glTF file, where materials call for them");
-  tangentsApp->add_option("IN", tangents.in, "file to read, .glb or .gltf")->required();
-  tangentsApp->add_option("-o,--out", tangents.out, "file to write: .glb, or .gltf with its buffer inside")->required();
-  tangentsApp->add_flag("--regenerate", tangents.how.regenerate, "make those anew that the file has; else they are checked and kept");
-  tangentsApp->add_flag("--all", tangents.how.all, "also where no normal map calls for them, by TEXCOORD_0");
-  addGreen(tangentsApp, tangents.how.greenDown);
-  addInputLimits(tangentsApp, tangents.limits);
-  tangentsApp->add_flag("--json", tangents.json, "print the report as JSON");
-  tangentsApp->add_option("-j,--threads", tangents.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+  addTangents(tangentsApp, tangents);
 
   NormalsOptions normals;
   std::string normalsFrom, normalsAs = "height";
@@ -671,55 +706,20 @@ Command parseCommandLine(int argc, const char* const* argv) {
   addAo(aoApp, occlusion);
   UnwrapOptions unwrap;
   CLI::App* unwrapApp = app.add_subcommand("unwrap", "make, repair or keep light-map UVs, and write the level with them");
-  unwrapApp->add_option("LEVEL", unwrap.level, "level to read, .glb or .gltf")->required();
-  unwrapApp->add_option("-o,--out", unwrap.out, "file to write: .glb, or .gltf with its buffer inside")->required();
-  addUvOptions(unwrapApp, unwrap.uv);
-  addInputLimits(unwrapApp, unwrap.limits);
-  unwrapApp->add_flag("--json", unwrap.json, "print what was done as JSON");
-  unwrapApp->add_option("-j,--threads", unwrap.threads, "threads [default: all]; never changes a result")->check(CLI::Range(1, 1024));
+  addUnwrap(unwrapApp, unwrap);
 
   InfoOptions info;
   CLI::App* infoApp = app.add_subcommand("info", "table of a level's objects: area, light-map UVs and their faults, texel density, memory");
-  infoApp->add_option("LEVEL", info.level, "level to read, .glb or .gltf")->required();
-  infoApp
-      ->add_option("--pictures", info.pictures,
-                   "folder for charts.png (a colour a chart) and density.png (too coarse blue, right green, too fine red, overlap magenta)")
-      ->type_name("DIR");
-  infoApp->add_option("--map-size", info.uv.mapSize, "side of a light map in texels [default: as for a bake]")->check(CLI::Range(4, 16384));
-  infoApp->add_option("--texels-per-metre", info.uv.texelsPerMetre, "density when no size is given [default: as for a bake]")
-      ->check(CLI::Range(1e-6, 1e6));
-  addInputLimits(infoApp, info.limits);
-  infoApp->add_flag("--json", info.json, "print the table as JSON");
-  infoApp->add_option("-j,--threads", info.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+  addInfo(infoApp, info);
 
   AttachOptions attach;
   CLI::App* attachApp = app.add_subcommand(
       "attach", "put the maps of a bake on a level that an optimiser rewrote; exit code 5 when objects are left without");
-  attachApp->add_option("LEVEL", attach.level, "rewritten level, .glb or .gltf")->required();
-  attachApp->add_option("OUT", attach.baked, "folder of the bake")->required();
-  attachApp->add_option("-o,--out", attach.out, "file to write, .glb or .gltf [default: attached.glb in OUT]");
-  attachApp->add_option("--tolerance", attach.tolerance, "how far surfaces may have moved, as a share of the level's size")
-      ->capture_default_str()
-      ->check(CLI::Range(0.0, 0.1));
-  addInputLimits(attachApp, attach.limits);
-  attachApp->add_flag("--json", attach.json, "print what was matched as JSON");
-  attachApp->add_option("-j,--threads", attach.threads, "threads [default: all]")->check(CLI::Range(1, 1024));
+  addAttach(attachApp, attach);
 
   FitAttenuationOptions fit;
   CLI::App* fitApp = app.add_subcommand("fit-attenuation", "constants of the classic attenuation that come nearest to a wished fall-off");
-  fitApp->add_option("--range", fit.range_m, "where the light ends [m]")->required()->check(CLI::Range(1e-6, 1e9));
-  fitApp
-      ->add_option(
-          "--falloff", fit.fallOff,
-          "inverse-square, inverse-square-window (as KHR_lights_punctual ends it), inverse, smooth ((1 - (d/range)^2)^2), smoothstep, "
-          "linear, suggested (c = 1, l = 2/range, q = 1/range^2), or a file with a distance and a value a line")
-      ->required()
-      ->type_name("KIND");
-  fitApp
-      ->add_option("--near", fit.near_m,
-                   "where the fit begins [m; default: a hundredth of the range where the fall-off has no upper end, else 0]")
-      ->check(CLI::Range(1e-9, 1e9));
-  fitApp->add_flag("--json", fit.json, "print the constants as JSON");
+  addFitAttenuation(fitApp, fit);
 
   StudyOptions study;
   std::string ladder;

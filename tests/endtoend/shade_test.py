@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """lmc shade and lmc check-shader as a user meets them.
 
-    shade_test.py --lmc BUILD/bin/lmc --dump BUILD/tests/bin/exr_dump --osmesa-stub BUILD/tests/bin/libosmesa_stub.so --source-dir SOURCE
+    shade_test.py --lmc BUILD/bin/lmc --dump BUILD/tests/bin/exr_dump --osmesa-without-gl BUILD/tests/bin/libosmesa_without_gl.so --source-dir SOURCE
                   [unittest's own arguments]
 """
 import argparse
@@ -193,11 +193,11 @@ class Shade(Case):
     def test_an_osmesa_without_functions_or_without_gl_3_3_is_none(self):
         # Found as the loader finds any library; a display is not asked for.
         bare = {name: value for name, value in os.environ.items() if name not in ('DISPLAY', 'WAYLAND_DISPLAY', 'XDG_RUNTIME_DIR')}
-        for stub, words in ((OPTIONS.osmesa_stub, 'gives no GL 3.3 core context'), ('libm.so.6', 'has no OSMesaCreateContextAttribs')):
-            self.assert_no_picture(dict(bare, LMC_OSMESA=stub), words)
+        for library, words in ((OPTIONS.osmesa_without_gl, 'gives no GL 3.3 core context'), ('libm.so.6', 'has no OSMesaCreateContextAttribs')):
+            self.assert_no_picture(dict(bare, LMC_OSMESA=library), words)
         path = self.folder / 'libraries'
         path.mkdir()
-        (path / 'libOSMesa.so.8').symlink_to(OPTIONS.osmesa_stub)
+        (path / 'libOSMesa.so.8').symlink_to(OPTIONS.osmesa_without_gl)
         without = dict(bare, LD_LIBRARY_PATH=f'{path}:{os.environ.get("LD_LIBRARY_PATH", "")}')
         self.assert_no_picture(without, 'gives no GL 3.3 core context')
         for out, env in (('with', os.environ), ('without', without)):
@@ -260,9 +260,9 @@ class CheckShader(Case):
 
 if __name__ == '__main__':
     parser = argparse.ArgumentParser()
-    for name in ('--lmc', '--dump', '--osmesa-stub', '--source-dir'):
+    for name in ('--lmc', '--dump', '--osmesa-without-gl', '--source-dir'):
         parser.add_argument(name, required=True)
     OPTIONS, rest = parser.parse_known_args()
-    OPTIONS.lmc, OPTIONS.dump, OPTIONS.osmesa_stub, OPTIONS.source_dir = (
-        os.path.abspath(p) for p in (OPTIONS.lmc, OPTIONS.dump, OPTIONS.osmesa_stub, OPTIONS.source_dir))
+    OPTIONS.lmc, OPTIONS.dump, OPTIONS.osmesa_without_gl, OPTIONS.source_dir = (
+        os.path.abspath(p) for p in (OPTIONS.lmc, OPTIONS.dump, OPTIONS.osmesa_without_gl, OPTIONS.source_dir))
     unittest.main(argv=[sys.argv[0]] + rest)
