@@ -28,10 +28,10 @@ std::vector<Directions> makeSets() {
       const glm::dvec3 v = towards(numbers.point2(k));
       const std::size_t i = k % kBlock;
       d.towards[i] = glm::vec3(v);
-      d.cosine[i] = float(2.0 * v.z / (v.z + 0.5));
       d.uniform[i] = float(1.0 / (v.z + 0.5));
-      d.allCosine += d.cosine[i];
+      d.cosine[i] = 2.0f - d.uniform[i];
       d.allUniform += d.uniform[i];
+      d.allCosine = 2.0f * float(i + 1) - d.allUniform;
     }
   }
   return blocks;

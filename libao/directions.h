@@ -3,7 +3,7 @@
 ///
 /// One ray serves both weightings. Its density over solid angle is half that of cosine rays and half that of uniform ones,
 /// q(z) = (z + 1/2)/(2 pi), z = cosine to the normal: the balance heuristic of both [veach1995]. Then a cosine-weighted mean has the
-/// weights (z/pi)/q = 2z/(z + 1/2) and a uniform one (1/(2 pi))/q = 1/(z + 1/2), both at most 2. The second moment of either weight is
+/// weights (z/pi)/q = 2z/(z + 1/2) and a uniform one (1/(2 pi))/q = 1/(z + 1/2), 2 together. The second moment of either weight is
 /// integral over z of (2z)^2/(z + 1/2) = integral of 1/(z + 1/2) = ln 3: rays of one kind alone would be better by 10 %, and worthless for
 /// the other weighting.
 #include <array>

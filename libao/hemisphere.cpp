@@ -58,6 +58,10 @@ struct Hemisphere::Turn {
 
 namespace {
 
+/// A vector register: left to itself the compiler turns directions number by number, which takes four times as long.
+using Lanes [[gnu::vector_size(16)]] = float;
+Lanes lanes(const glm::vec3& v) { return Lanes{v.x, v.y, v.z, 0.0f}; }
+
 /// Points of the unit square that a half's places lie at.
 Sobol4 placesOf(std::uint64_t address, std::uint32_t half) { return Sobol4(combine(combine(address, half), 0x91ace)); }
 
@@ -84,41 +88,45 @@ void Hemisphere::start(Batch& batch, const SurfacePoint& place, Turn& turn, std:
   b.directions = &d;
   b.half = turn.half;
   b.frame = turn.frame;
-  fan.origin_m = tracer_.lifted(place.position_m, place.geometricNormal);
-  fan.tFar = float(options_.distance_m);
-  fan.wanted = kAll;
-  const glm::vec4 x(turn.frame[0], 0.0f), y(turn.frame[1], 0.0f), z(turn.frame[2], 0.0f);
-  for (std::size_t i = 0; i < kBlock; ++i) fan.towards[i] = d.towards[i].x * x + d.towards[i].y * y + d.towards[i].z * z;
+  const RayFan::OneRay alike{
+      glm::vec4(tracer_.lifted(place.position_m, place.geometricNormal), 0.0f), glm::vec4(0.0f), tFar(), ~0u, 0u, 0u};
+  const Lanes x = lanes(turn.frame[0]), y = lanes(turn.frame[1]), z = lanes(turn.frame[2]);
+  for (std::size_t i = 0; i < kBlock; ++i) {
+    fan.rays[i] = alike;
+    fan.rays[i].direction = std::bit_cast<glm::vec4>(d.towards[i].x * x + d.towards[i].y * y + d.towards[i].z * z);
+  }
   if (place.normal == place.geometricNormal) return;
   const glm::vec3 face(place.geometricNormal);
-  unsigned below = 0;
-  for (std::size_t i = 0; i < kBlock; ++i)
-    if (glm::dot(glm::vec3(fan.towards[i]), face) <= 0.0f) below |= 1u << i;
-  fan.wanted = std::uint16_t(~below);
+  for (RayFan::OneRay& r : fan.rays)
+    if (glm::dot(glm::vec3(r.direction), face) <= 0.0f) r.tFar = -1.0f;
 }
 
-void Hemisphere::trace(Batch& batch) const {
-  const std::span<const RayFan> fans(batch.fans.data(), batch.count);
+/// Returns the rays cast.
+std::uint32_t Hemisphere::trace(Batch& batch) const {
+  const std::span<RayFan> fans(batch.fans.data(), batch.count);
   if (options_.fallOff == FallOff::None) {
     std::array<std::uint16_t, kBlocks> blocked;
-    tracer_.occluded(fans, {blocked.data(), batch.count}, Purpose::Occlusion);
-    for (std::size_t k = 0; k < batch.count; ++k) batch.blocks[k].blocked = blocked[k] | std::uint16_t(~fans[k].wanted);
-    return;
+    const std::uint64_t cast = tracer_.occluded(fans, {blocked.data(), batch.count}, Purpose::Occlusion);
+    for (std::size_t k = 0; k < batch.count; ++k) batch.blocks[k].blocked = blocked[k];
+    return std::uint32_t(cast);
   }
+  std::uint32_t cast = 0;
   for (std::size_t k = 0; k < batch.count; ++k) {
     std::array<Ray, kBlock> rays;
     std::array<Hit, kBlock> hits;
-    for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fans[k].ray(i);
+    for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fans[k].ray(i, tFar());
     tracer_.closest(rays, hits, Purpose::Occlusion);
     Block& b = batch.blocks[k];
-    b.blocked = std::uint16_t(~fans[k].wanted);
+    b.blocked = 0;
     for (std::size_t i = 0; i < kBlock; ++i) {
-      const bool below = (b.blocked & 1u << i) != 0;
-      const float near = hits[i] ? std::max(0.0f, 1.0f - hits[i].t / fans[k].tFar) : 0.0f;
+      const bool below = fans[k].rays[i].tFar < 0.0f;
+      const float near = hits[i] ? std::max(0.0f, 1.0f - hits[i].t / tFar()) : 0.0f;
       b.share[i] = below ? 1.0f : options_.fallOff == FallOff::Linear ? near : near * near;
-      if (hits[i]) b.blocked |= std::uint16_t(1u << i);
+      if (hits[i] || below) b.blocked |= std::uint16_t(1u << i);
+      cast += below ? 0 : 1;
     }
   }
+  return cast;
 }
 
 /// Whether some places see nothing, while from others so much is open that this is hardly chance.
@@ -135,7 +143,7 @@ bool Hemisphere::mayBePartlyBuried(const Batch& batch) {
 bool Hemisphere::buried(const RayFan& fan, std::uint32_t& cast) const {
   std::array<Ray, kBlock> rays;
   std::array<Hit, kBlock> hits;
-  for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fan.ray(i);
+  for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fan.ray(i, tFar());
   tracer_.closest(rays, hits, Purpose::Occlusion);
   cast += kBlock;
   return std::ranges::count_if(hits, [](const Hit& h) { return h && !h.front; }) >= kBackFaces;
@@ -156,30 +164,36 @@ float Hemisphere::shareOf(const Block& b, std::size_t i) const {
 
 /// The blocked weights of a block; all of them are exactly those that directions() sums up.
 Sums::Half Hemisphere::blockedOf(const Block& b) const {
+  const Directions& d = *b.directions;
   Sums::Half out;
-  if (b.dark() && options_.fallOff == FallOff::None) {
-    out.blockedCosine = b.directions->allCosine;
-    out.blockedUniform = b.directions->allUniform;
+  if (options_.fallOff != FallOff::None) {
+    float shares = 0.0f;
+    for (std::size_t i = 0; i < kBlock; ++i) {
+      shares += shareOf(b, i);
+      out.blockedUniform += shareOf(b, i) * d.uniform[i];
+    }
+    out.blockedCosine = 2.0f * shares - out.blockedUniform;  // both weights of a ray make 2 together
     return out;
   }
-  for (unsigned left = b.blocked; left != 0; left &= left - 1) {
-    const auto i = std::size_t(std::countr_zero(left));
-    out.blockedCosine += shareOf(b, i) * b.directions->cosine[i];
-    out.blockedUniform += shareOf(b, i) * b.directions->uniform[i];
-  }
+  // Blocked or open ones, whichever are fewer.
+  const int blocked = std::popcount(b.blocked);
+  const bool mostAre = blocked > int(kBlock) / 2;
+  float sum = 0.0f;
+  for (unsigned left = mostAre ? b.blocked ^ kAll : b.blocked; left != 0; left &= left - 1)
+    sum += d.uniform[std::size_t(std::countr_zero(left))];
+  out.blockedUniform = mostAre ? d.allUniform - sum : sum;
+  out.blockedCosine = 2.0f * float(blocked) - out.blockedUniform;
   return out;
 }
 
 /// Traces a batch and adds it up; returns the rays cast.
 std::uint32_t Hemisphere::finish(Batch& batch, const Places& places, std::uint64_t address, Sums& sums, glm::vec3* bent) const {
-  trace(batch);
-  std::uint32_t cast = 0;
+  std::uint32_t cast = trace(batch);
   const bool partly = places.middle && mayBePartlyBuried(batch);
   if (partly && sums.middle == Sums::Middle::Unknown)
     sums.middle = buried(*places.middle, address, cast) ? Sums::Middle::Buried : Sums::Middle::Free;
   for (std::size_t k = 0; k < batch.count; ++k) {
     const Block& b = batch.blocks[k];
-    cast += std::uint32_t(std::popcount(batch.fans[k].wanted));
     if (partly && b.dark() && sums.middle == Sums::Middle::Free && buried(batch.fans[k], cast)) continue;
     Sums::Half& h = sums.halves[b.half];
     h.cosine += b.directions->allCosine;

@@ -52,7 +52,7 @@ class Hemisphere {
   /// Whether most rays of a place meet backs of faces. Adds the rays that it costs.
   bool buried(const SurfacePoint&, std::uint64_t address, std::uint32_t& cast) const;
 
-  /// The rays until each half has `until`, as cast() traces them.
+  /// The rays until each half has `until`, as cast() traces them: those with tFar below 0 are not.
   std::vector<RayFan> fans(std::uint64_t address, std::uint32_t until, const Places&) const;
 
  private:
@@ -61,8 +61,9 @@ class Hemisphere {
   struct Turn;
   std::uint32_t castFrom(std::uint64_t address, std::uint32_t from, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
   void start(Batch&, const SurfacePoint&, Turn&, std::uint32_t block) const;
-  void trace(Batch&) const;
+  std::uint32_t trace(Batch&) const;
   static bool mayBePartlyBuried(const Batch&);
+  float tFar() const { return float(options_.distance_m); }
   float shareOf(const Block&, std::size_t i) const;
   Sums::Half blockedOf(const Block&) const;
   bool buried(const RayFan&, std::uint32_t& cast) const;

@@ -109,7 +109,7 @@ SurfacePoint TexelSampler::at(glm::vec2 u) const {
   if (texel_.coverage >= kWholeSquare) {
     // The square is full: keep the sample where it is, so that its stratification holds, and find who lies there.
     double best = -1e300;
-    for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
+    for (std::uint32_t i = 0; i < texel_.fragmentCount && texel_.fragmentCount > 1; ++i) {
       const glm::dvec2 b = fragments[i].bary0 + at.x * fragments[i].baryX + at.y * fragments[i].baryY;
       const double inside = std::min({b.x, b.y, 1.0 - b.x - b.y});
       if (inside > best) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <limits>
 #include <utility>
@@ -183,42 +184,31 @@ void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked
   count(purpose, rays.size());
 }
 
-void Tracer::occluded(std::span<const RayFan> fans, std::span<std::uint16_t> blocked, Purpose purpose) const {
+// One fan after the other is an array of Embree's rays.
+static_assert(sizeof(RayFan::OneRay) == sizeof(RTCRay) && alignof(RayFan::OneRay) == alignof(RTCRay));
+static_assert(sizeof(RayFan) == RayFan::kRays * sizeof(RTCRay));
+static_assert(offsetof(RayFan::OneRay, direction) == offsetof(RTCRay, dir_x) && offsetof(RayFan::OneRay, tFar) == offsetof(RTCRay, tfar));
+static_assert(offsetof(RayFan::OneRay, mask) == offsetof(RTCRay, mask) && offsetof(RayFan::OneRay, flags) == offsetof(RTCRay, flags));
+
+std::uint64_t Tracer::occluded(std::span<RayFan> fans, std::span<std::uint16_t> blocked, Purpose purpose) const {
   assert(fans.size() == blocked.size());
-  constexpr std::size_t kFans = kBatch / RayFan::kRays;
+  std::uint64_t cast = 0;
+  for (const RayFan& f : fans)
+    for (const RayFan::OneRay& r : f.rays) cast += r.tFar >= 0.0f ? 1 : 0;
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-  RTCRay buffer[kBatch + 1];  // the last is never traced
-  std::uint64_t cast = 0;
-  for (std::size_t at = 0; at < fans.size(); at += kFans) {
-    const std::size_t end = std::min(at + kFans, fans.size());
-    unsigned n = 0;
-    for (std::size_t f = at; f < end; ++f) {
-      const RTCRay same = toEmbree({fans[f].origin_m, glm::vec3(0.0f), fans[f].tFar});
-      for (unsigned i = 0; i < RayFan::kRays; ++i) {
-        buffer[n] = same;
-        std::memcpy(&buffer[n].dir_x, &fans[f].towards[i], sizeof(glm::vec4));  // w is the ray's time, 0
-        n += fans[f].wanted >> i & 1u;                                          // what is not wanted is written over
-      }
-    }
-    {
-      const NoFloatTraps embree;
-      rtcOccluded1M(device_->scene, &context, buffer, n, sizeof(RTCRay));
-    }
-    cast += n;
-    n = 0;
-    for (std::size_t f = at; f < end; ++f) {
-      unsigned bits = 0;
-      for (unsigned i = 0; i < RayFan::kRays; ++i) {
-        const unsigned wanted = fans[f].wanted >> i & 1u;
-        bits |= (buffer[n].tfar < 0.0f ? wanted : 0u) << i;
-        n += wanted;
-      }
-      blocked[f] = std::uint16_t(bits);
-    }
+  {
+    const NoFloatTraps embree;
+    rtcOccluded1M(device_->scene, &context, reinterpret_cast<RTCRay*>(fans.data()), unsigned(fans.size() * RayFan::kRays), sizeof(RTCRay));
+  }
+  for (std::size_t k = 0; k < fans.size(); ++k) {
+    unsigned bits = 0;
+    for (unsigned i = 0; i < RayFan::kRays; ++i) bits |= (fans[k].rays[i].tFar < 0.0f ? 1u : 0u) << i;
+    blocked[k] = std::uint16_t(bits);
   }
   count(purpose, cast);
+  return cast;
 }
 
 Hit Tracer::closest(const Ray& ray, Purpose purpose) const {

@@ -41,14 +41,17 @@ struct Ray {
   float tFar;
 };
 
-/// Rays that start at one place, as many as fill a vector register.
+/// Rays that start at one place, laid out as Embree takes them, so that a stream of fans needs no packing.
 struct RayFan {
   static constexpr std::size_t kRays = 16;
-  glm::vec3 origin_m;
-  float tFar;                                        ///< counts in lengths of the directions
-  std::uint16_t wanted;                              ///< bit i: ray i is to be cast
-  alignas(16) std::array<glm::vec4, kRays> towards;  ///< directions; w = 0, so that each is one vector register
-  Ray ray(std::size_t i) const { return {origin_m, glm::vec3(towards[i]), tFar}; }
+  struct alignas(16) OneRay {
+    glm::vec4 origin_m;             ///< w: where it begins, 0
+    glm::vec4 direction;            ///< of any length; w: its time, 0
+    float tFar;                     ///< counts in lengths of the direction; below 0: not to be cast, or blocked
+    std::uint32_t mask, id, flags;  ///< ~0, 0, 0
+  };
+  std::array<OneRay, kRays> rays;
+  Ray ray(std::size_t i, float tFar) const { return {glm::vec3(rays[i].origin_m), glm::vec3(rays[i].direction), tFar}; }
 };
 
 struct Hit {
@@ -71,9 +74,9 @@ class Tracer {
 
   bool occluded(const Ray&, Purpose) const;
   void occluded(std::span<const Ray>, std::span<std::uint8_t> blocked, Purpose) const;
-  /// Bit i of blocked[k]: ray i of fan k is blocked. Sixteen fans go as one stream, the fastest way of Embree's for rays of a hemisphere
-  /// (bench/ao_bench).
-  void occluded(std::span<const RayFan>, std::span<std::uint16_t> blocked, Purpose) const;
+  /// Bit i of blocked[k]: ray i of fan k is blocked, or was not to be cast; the rays' tFar is spent. Returns the rays cast. Fans go as one
+  /// stream, the fastest way of Embree's for rays of a hemisphere: sixteen of them, 256 rays, are best (bench/ao_bench).
+  std::uint64_t occluded(std::span<RayFan>, std::span<std::uint16_t> blocked, Purpose) const;
   Hit closest(const Ray&, Purpose) const;
   void closest(std::span<const Ray>, std::span<Hit>, Purpose) const;
 

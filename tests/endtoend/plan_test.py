@@ -6,9 +6,9 @@ import argparse, array, json, math, os, pathlib, subprocess, sys, tempfile
 GOAL = 0.08     # the draft preset
 
 
-def room(make, name, albedo=0.6, lamp=20.0, column=False, sky=0.0, open_top=False, panel=0.0):
+def room(make, name, albedo=0.6, lamp=20.0, column=False, sky=0.0, open_top=False, panel=0.0, texels=64):
     """A room of 4 x 3 x 5 m, convex but for a column."""
-    level = make.Level(name, 64, (sky, sky, sky) if sky else None)
+    level = make.Level(name, texels, (sky, sky, sky) if sky else None)
     level.material('wall', (albedo, albedo, albedo))
     x, y, z = 4.0, 3.0, 5.0
     walls = level.object('walls', 'wall')
@@ -30,12 +30,70 @@ def room(make, name, albedo=0.6, lamp=20.0, column=False, sky=0.0, open_top=Fals
     return level
 
 
-def plane(make):
-    level = make.Level('plane', 64)
+def plane(make, texels=64):
+    level = make.Level('plane', texels)
     level.material('wall', (0.6, 0.6, 0.6))
     level.flat(level.object('floor', 'wall'), [(0, 0, 0), (4, 0, 0), (4, 0, 5), (0, 0, 5)], (0, 1, 0))
     level.light('lamp', 'point', (1.0, 1.0, 1.0), 20.0, (1.2, 2.0, 1.5))
     return level
+
+
+def pairs_of(make, write, texels=64):
+    """For each effect a level without it, where it gives nothing (True) or too little, one with it, its purposes and the reason."""
+    def level(name, **how):
+        return write(room(make, name, texels=texels, **how))
+
+    lit = level('lit', column=True)
+    glow = level('glow', lamp=0.0, panel=400.0)
+    both = level('both', panel=400.0, column=True)
+    bright_sky = level('bright_sky', sky=40.0, open_top=True, column=True)
+    cast_by_bounces = ['gather', 'shoot', 'exposure']
+    return [
+        ('direct', True, glow, both, ['shadow'], 'no punctual lights'),
+        ('shadow', True, level('empty'), lit, ['shadow'], 'nothing stands in between'),
+        ('area', True, lit, level('dark', lamp=0.0, panel=400.0), ['emitter'], 'no emissive surfaces'),
+        ('sky', True, lit, bright_sky, ['patch-sky'], 'no sky'),
+        ('bounce', True, level('black', albedo=0.0, column=True), lit, cast_by_bounces, 'albedo 0'),
+        ('ao', True, write(plane(make, texels)), lit, ['occlusion'], 'all is open'),
+        ('near', True, level('pitch', albedo=0.0, column=True), lit, ['near'], 'no bounces'),
+        # A lamp, an emitter, a sky, walls of so little that they fit into a quarter of the goal.
+        ('direct', False, level('faint_lamp', lamp=0.2, panel=400.0, column=True), both, ['shadow'], 'too little'),
+        ('area', False, level('faint_panel', panel=0.05, column=True), both, ['emitter'], 'too little'),
+        ('sky', False, level('faint_sky', sky=0.01, open_top=True, column=True), bright_sky, [], 'too little'),
+        ('near', False, level('dim', albedo=0.042, column=True), lit, ['near'], 'too little'),
+        ('bounce', False, level('nearly_black', albedo=0.01, column=True), lit, cast_by_bounces, 'too little'),
+    ]
+
+
+def dressed(make, write, texels=64):
+    """The room with walls of other materials, by name."""
+    def red(l):
+        l.material('wall', (0.6, 0.3, 0.2))
+
+    def whole(l):
+        l.materials['wall'].update(alphaMode='MASK', alphaCutoff=0.5)
+
+    def holed(l):
+        l.material('lace', (0.6, 0.6, 0.6), alphaMode='MASK', alphaCutoff=0.5)
+        l.materials['lace']['pbrMetallicRoughness']['baseColorFactor'][3] = 0.25
+        l.objects[[name for name, _ in l.objects].index('column')] = ('column', 'lace')
+
+    def shiny(l):
+        l.materials['wall']['pbrMetallicRoughness']['roughnessFactor'] = 0.3
+
+    def lampless(l):
+        shiny(l)
+        l.lights.clear()
+
+    def brushed(l):
+        l.materials['wall'].setdefault('extensions', {})['KHR_materials_anisotropy'] = {'anisotropyStrength': 0.5}
+
+    out = {}
+    for name, change in (('grey', lambda l: None), ('red', red), ('whole', whole), ('holed', holed), ('shiny', shiny), ('lampless', lampless), ('brushed', brushed)):
+        made = room(make, name, column=True, texels=texels)
+        change(made)
+        out[name] = write(made)
+    return out
 
 
 class Test:
@@ -115,46 +173,24 @@ class Test:
         return change
 
     def pairs(self):
-        make, write = self.make, self.write
-        lit = write(room(make, 'lit', column=True))
-        glow = write(room(make, 'glow', lamp=0.0, panel=400.0))
-        both = write(room(make, 'both', panel=400.0, column=True))
-        dark = write(room(make, 'dark', lamp=0.0, panel=400.0))
-        self.exactly('direct', glow, both, ['shadow'], 'no punctual lights')
-        self.exactly('shadow', write(room(make, 'empty')), lit, ['shadow'], 'nothing stands in between')
-        self.exactly('area', lit, dark, ['emitter'], 'no emissive surfaces')
-        self.exactly('sky', lit, write(room(make, 'open', sky=40.0, open_top=True, column=True)), ['patch-sky'], 'no sky')
-        self.exactly('bounce', write(room(make, 'black', albedo=0.0, column=True)), lit, ['gather', 'shoot', 'exposure'], 'albedo 0')
-        self.exactly('ao', write(plane(make)), lit, ['occlusion'], 'all is open')
-        # A lamp, an emitter, a sky, walls of so little that they fit into a quarter of the goal.
-        self.weakly('direct', write(room(make, 'faint_lamp', lamp=0.2, panel=400.0, column=True)), both, ['shadow'], 'too little')
-        self.weakly('area', write(room(make, 'faint_panel', panel=0.05, column=True)), both, ['emitter'], 'too little')
-        self.weakly('sky', write(room(make, 'faint_sky', sky=0.01, open_top=True, column=True)), write(room(make, 'bright_sky', sky=40.0, open_top=True, column=True)), [], 'too little')
-        self.exactly('near', write(room(make, 'pitch', albedo=0.0, column=True)), lit, ['near'], 'no bounces')
-        self.weakly('near', write(room(make, 'dim', albedo=0.042, column=True)), lit, ['near'], 'too little')
-        self.weakly('bounce', write(room(make, 'nearly_black', albedo=0.01, column=True)), lit, ['gather', 'shoot', 'exposure'], 'too little')
+        for effect, exact, *args in pairs_of(self.make, self.write):
+            (self.exactly if exact else self.weakly)(effect, *args)
 
     def manners(self):
         """Colour, holes of masked materials, highlights and screen-space occlusion: what is skipped is not done, and where it gives nothing the bytes are the same."""
-        make, write = self.make, self.write
-
-        def level(name, change):
-            made = room(make, name, column=True)
-            change(made)
-            return write(made)
+        levels = dressed(self.make, self.write)
+        grey = levels['grey']
 
         def baked(file, effects):
             out, report = self.bake(file, f'{file.stem}.{effects}', '--effects', effects)
             return out, report, self.steps(report)
 
-        grey = level('grey', lambda l: None)
-        red = level('red', lambda l: l.material('wall', (0.6, 0.3, 0.2)))
         plain, _, steps = baked(grey, '-ao')
         self.expect(not steps['colour']['run'] and 'grey' in steps['colour']['because'], f'colour: {steps["colour"]}')
         self.expect(all(r == g == b for r, g, b in self.texels(plain)), 'a grey level has a colour')
-        coloured, _, steps = baked(red, '-ao')
+        coloured, _, steps = baked(levels['red'], '-ao')
         self.expect(steps['colour']['run'], f'colour is skipped: {steps["colour"]}')
-        without, _, steps = baked(red, '-ao,-colour')
+        without, _, steps = baked(levels['red'], '-ao,-colour')
         self.expect(not steps['colour']['run'], 'colour cannot be left out')
         a, b = self.texels(coloured), self.texels(without)
         self.expect(any(r > 1.1 * v for r, _, v in a), 'red walls leave no trace')
@@ -164,27 +200,18 @@ class Test:
         change = math.sqrt(sum((p - q[0]) ** 2 for p, q in zip(y, b)) / len(y)) / (sum(y) / len(y))
         self.expect(0.0 < change < 0.1, f'luminance without colour is off by {change}')
 
-        whole = level('whole', lambda l: l.materials['wall'].update(alphaMode='MASK', alphaCutoff=0.5))
-        def hole(l):
-            l.material('lace', (0.6, 0.6, 0.6), alphaMode='MASK', alphaCutoff=0.5)
-            l.materials['lace']['pbrMetallicRoughness']['baseColorFactor'][3] = 0.25
-            l.objects[[name for name, _ in l.objects].index('column')] = ('column', 'lace')
-        holed = level('holed', hole)
-        skipped, report, steps = baked(whole, '-ao')
+        skipped, report, steps = baked(levels['whole'], '-ao')
         self.expect(not steps['alpha']['run'] and 'hole' in steps['alpha']['because'] and report['alpha_tests'] == 0, f'alpha: {steps["alpha"]}, {report["alpha_tests"]} tests')
-        forced, report, steps = baked(whole, '-ao,+alpha')
+        forced, report, steps = baked(levels['whole'], '-ao,+alpha')
         self.expect(steps['alpha']['run'] and report['alpha_tests'] > 0, 'alpha cannot be forced')
         self.expect((skipped / 'lightmap.exr').read_bytes() == (forced / 'lightmap.exr').read_bytes(), 'whole surfaces with alpha looked at have other bytes')
-        open_, report, steps = baked(holed, '-ao')
+        open_, report, steps = baked(levels['holed'], '-ao')
         self.expect(steps['alpha']['run'] and report['alpha_tests'] > 0, f'alpha is skipped: {steps["alpha"]}')
-        closed, report, _ = baked(holed, '-ao,-alpha')
+        closed, report, _ = baked(levels['holed'], '-ao,-alpha')
         self.expect(report['alpha_tests'] == 0, 'alpha is left out, and looked at')
         self.expect(sum(map(sum, self.texels(open_))) > 1.005 * sum(map(sum, self.texels(closed))), 'a column that is all hole hides as much as a whole one')
 
-        def shiny(l):
-            l.materials['wall']['pbrMetallicRoughness']['roughnessFactor'] = 0.3
-        for file, runs, because in ((grey, False, 'no material shines'), (level('shiny', shiny), True, 'shine'),
-                                    (level('lampless', lambda l: (shiny(l), l.lights.clear())), False, 'no light')):
+        for file, runs, because in ((grey, False, 'no material shines'), (levels['shiny'], True, 'shine'), (levels['lampless'], False, 'no light')):
             step = {s['effect']: s for s in json.loads(self.run('plan', file, '--json').stdout)['plan']}
             self.expect(step['specular']['run'] == runs and because in step['specular']['because'], f'{file.stem}: {step["specular"]}')
             self.expect(not step['screen-ao']['run'] and 'ambient' in step['screen-ao']['because'], f'{file.stem}: {step["screen-ao"]}')
@@ -256,7 +283,8 @@ class Test:
 
     def asked(self):
         """What is done for a material, for a smooth edge, or because it is asked for: without that it is not done, and the light is the same."""
-        lit = self.write(room(self.make, 'unasked', column=True))
+        levels = dressed(self.make, self.write)
+        lit = levels['grey']
         plain, report = self.bake(lit, 'plain')
         bent, with_bent = self.bake(lit, 'bent', '--bent', 'world')
         self.expect(not self.steps(report)['bent']['run'] and 'not asked' in self.steps(report)['bent']['because'], f'bent: {self.steps(report)["bent"]}')
@@ -264,9 +292,7 @@ class Test:
         self.expect(b'bent.R' not in (plain / 'ao.exr').read_bytes() and b'bent.R' in (bent / 'ao.exr').read_bytes(), 'bent normals are not what is asked for')
         self.expect(self.channel(plain / 'ao.exr', 'Y') == self.channel(bent / 'ao.exr', 'Y'), 'bent normals change the openness')
 
-        wants = room(self.make, 'brushed', column=True)
-        wants.materials['wall'].setdefault('extensions', {})['KHR_materials_anisotropy'] = {'anisotropyStrength': 0.5}
-        brushed, with_tangents = self.bake(self.write(wants), 'brushed_baked')
+        brushed, with_tangents = self.bake(levels['brushed'], 'brushed_baked')
         self.expect(not self.steps(report)['tangents']['run'] and 'normal map' in self.steps(report)['tangents']['because'], f'tangents: {self.steps(report)["tangents"]}')
         self.expect(self.steps(with_tangents)['tangents']['run'], f'tangents: {self.steps(with_tangents)["tangents"]}')
         self.expect(b'"TANGENT"' not in (plain / 'level.glb').read_bytes() and b'"TANGENT"' in (brushed / 'level.glb').read_bytes(), 'tangents are not where they are called for')
