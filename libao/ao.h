@@ -50,8 +50,13 @@ struct Openness {
 /// `chart`: of each texel, kNone = not covered.
 Openness bakeMap(const Scene&, const TexelMap&, std::span<const std::uint32_t> chart, const Tracer&, const Options&, const Run&);
 
-/// The rays that bakeMap is going to cast over these texels, from a pilot of 32 a texel.
-double foretellMap(const Scene&, const TexelMap&, std::span<const std::uint32_t> chart, const Tracer&, const Options&, const Run&);
+/// What bakeMap is going to cast over these texels, and what was cast to tell it.
+struct MapForecast {
+  double rays = 0.0;
+  double cast = 0.0, cast_s = 0.0;  ///< rays of the pilot and their CPU seconds, those of the texels' places included
+};
+/// From a pilot of 32 rays a texel; where Options::rays says how many, from all of them.
+MapForecast foretellMap(const Scene&, const TexelMap&, std::span<const std::uint32_t> chart, const Tracer&, const Options&, const Run&);
 
 /// Cosine openness as a picture shows it: buried texels have that of the texels beside them, so that no dark rim runs along the foot of a
 /// wall. One entry a texel.

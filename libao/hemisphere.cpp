@@ -58,7 +58,7 @@ struct Hemisphere::Turn {
 
 namespace {
 
-/// A vector register: left to itself the compiler turns directions number by number, which takes four times as long.
+/// A vector register: left to itself the compiler (-fno-tree-slp-vectorize) turns directions number by number.
 using Lanes [[gnu::vector_size(16)]] = float;
 Lanes lanes(const glm::vec3& v) { return Lanes{v.x, v.y, v.z, 0.0f}; }
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <atomic>
 #include <memory>
 #include <numeric>
 
@@ -74,7 +75,17 @@ class MapBaker {
     return out;
   }
 
-  double foretell() { return foretellRays(options_, sums_, poolOf_, pools_, cast()); }
+  MapForecast foretell() {
+    MapForecast out;
+    const CastAll all = cast();
+    out.rays = foretellRays(options_, sums_, poolOf_, pools_, [&](std::span<const std::uint32_t> wanted, double from, double to) {
+      const std::uint64_t rays = all(wanted, from, to);
+      out.cast += double(rays);
+      return rays;
+    });
+    out.cast_s = 1e-9 * double(spent_ns_.load());
+    return out;
+  }
 
  private:
   /// f(texel, its places, its random numbers' address) gives the rays it cast, for texels that are `wanted`; returns their sum.
@@ -86,6 +97,7 @@ class MapBaker {
       if (part.journal && asked.empty()) return;
       Journaled kept(part, tracer_, {Loop::Openness, round_, std::uint32_t(t)}, [&](auto& archive) { keep(asked, rays[t], archive); });
       if (kept.taken()) return;
+      const double before_s = threadSeconds();
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
@@ -98,6 +110,7 @@ class MapBaker {
         const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.at(glm::vec2(0.5f))};
         rays[t] += f(i, places, addressOf(run_.seed, std::uint32_t(x0 + x), std::uint32_t(y0 + y)));
       }
+      spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
       kept.put();
     });
     ++round_;
@@ -139,7 +152,8 @@ class MapBaker {
   std::uint32_t pools_ = 0;
   TexelArray<Sums> sums_;
   TexelArray<glm::vec3> bent_;
-  std::uint32_t round_ = 0;  // of casts
+  std::uint32_t round_ = 0;                  // of casts
+  std::atomic<std::uint64_t> spent_ns_ = 0;  // in casts, by all threads
 };
 
 }  // namespace
@@ -149,8 +163,8 @@ Openness bakeMap(const Scene& scene, const TexelMap& texels, std::span<const std
   return MapBaker(scene, texels, chart, tracer, options, run).bake();
 }
 
-double foretellMap(const Scene& scene, const TexelMap& texels, std::span<const std::uint32_t> chart, const Tracer& tracer,
-                   const Options& options, const Run& run) {
+MapForecast foretellMap(const Scene& scene, const TexelMap& texels, std::span<const std::uint32_t> chart, const Tracer& tracer,
+                        const Options& options, const Run& run) {
   return MapBaker(scene, texels, chart, tracer, options, run).foretell();
 }
 

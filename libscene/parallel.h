@@ -1,10 +1,7 @@
 #pragma once
 /// One loop is enough (TBB only here). It gives the same bits for any number of threads as long as f(i) writes nothing but what belongs to
 /// i; sums are added up in order afterwards.
-#include <tbb/blocked_range.h>
-#include <tbb/global_control.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
+#include <time.h>
 
 #include <algorithm>
 #include <atomic>
@@ -15,35 +12,61 @@
 #include "libscene/run.h"
 
 #ifdef __SANITIZE_THREAD__
-extern "C" void __tsan_acquire(void* address);
-extern "C" void __tsan_release(void* address);
+#include <exception>
+#include <vector>
+#else
+#include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 #endif
 
 namespace lmc {
 
-/// What one thread did before give() is done for another after take(). TBB sees to it; this tells a thread sanitizer, which sees nothing of
-/// a library that was built without it. Does nothing in other builds.
-class Handover {
- public:
-  void give() {
-#ifdef __SANITIZE_THREAD__
-    __tsan_release(this);
-#endif
-  }
-  void take() {
-#ifdef __SANITIZE_THREAD__
-    __tsan_acquire(this);
-#endif
-  }
-};
-
-template <class F>
-struct AtEnd {
-  F f;
-  ~AtEnd() { f(); }
-};
+/// CPU time of the calling thread [s].
+inline double threadSeconds() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+}
 
 inline int threadCount(const Run& run) { return run.threads > 0 ? run.threads : int(std::max(1u, std::thread::hardware_concurrency())); }
+
+#ifdef __SANITIZE_THREAD__
+
+// A thread sanitizer sees nothing of how Debian's TBB, built without it, hands tasks over, and takes all that they do for races. In its
+// build plain threads do the loops, so that it judges what lmc does.
+inline std::atomic<int> loopThreads{0};
+
+template <class F>
+void withThreads(const Run& run, F&& f) {
+  loopThreads = threadCount(run);
+  f();
+}
+
+template <class F>
+void forRanges(std::size_t n, std::size_t grain, const F& f) {
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr failed;
+  std::mutex failing;
+  const auto work = [&] {
+    try {
+      for (std::size_t begin; (begin = next.fetch_add(grain)) < n;) f(begin, std::min(n, begin + grain));
+    } catch (...) {
+      const std::lock_guard lock(failing);
+      if (!failed) failed = std::current_exception();
+      next = n;
+    }
+  };
+  {
+    std::vector<std::jthread> others;
+    for (int k = 1; k < (loopThreads > 0 ? loopThreads.load() : 2); ++k) others.emplace_back(work);
+    work();
+  }
+  if (failed) std::rethrow_exception(failed);
+}
+
+#else
 
 /// Runs f with run.threads workers; everything parallel inside uses them.
 template <class F>
@@ -54,6 +77,16 @@ void withThreads(const Run& run, F&& f) {
   arena.execute(f);  // by this thread: the arena's first place is kept for it
 }
 
+/// f(begin, end) for ranges of at most `grain` indices that make up [0, n).
+template <class F>
+void forRanges(std::size_t n, std::size_t grain, const F& f) {
+  tbb::parallel_for(
+      tbb::blocked_range<std::size_t>(0, n, grain), [&](const tbb::blocked_range<std::size_t>& range) { f(range.begin(), range.end()); },
+      tbb::simple_partitioner());
+}
+
+#endif
+
 /// f(i) for every i in [0, n), `grain` indices at a time. Reports progress in steps of work done; an exception of any f(i) (Cancelled
 /// among them) ends the loop and comes out of it.
 template <class F>
@@ -61,19 +94,11 @@ void parallelFor(const Run& run, std::size_t n, std::size_t grain, F&& f) {
   if (n == 0) return;
   std::atomic<std::size_t> done{0};
   std::mutex reporting;
-  Handover begun, ended;
-  const AtEnd after{[&] { ended.take(); }};  // also where an exception comes out
-  begun.give();
-  tbb::parallel_for(
-      tbb::blocked_range<std::size_t>(0, n, std::max<std::size_t>(1, grain)),
-      [&](const tbb::blocked_range<std::size_t>& range) {
-        begun.take();
-        const AtEnd over{[&] { ended.give(); }};
-        for (std::size_t i = range.begin(); i != range.end(); ++i) f(i);
-        const std::size_t now = done.fetch_add(range.size()) + range.size();
-        if (std::unique_lock lock(reporting, std::try_to_lock); lock) run.progress(double(now) / double(n));
-      },
-      tbb::simple_partitioner());
+  forRanges(n, std::max<std::size_t>(1, grain), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i != end; ++i) f(i);
+    const std::size_t now = done.fetch_add(end - begin) + end - begin;
+    if (std::unique_lock lock(reporting, std::try_to_lock); lock) run.progress(double(now) / double(n));
+  });
 }
 
 }  // namespace lmc

@@ -75,7 +75,7 @@ class Tracer {
   bool occluded(const Ray&, Purpose) const;
   void occluded(std::span<const Ray>, std::span<std::uint8_t> blocked, Purpose) const;
   /// Bit i of blocked[k]: ray i of fan k is blocked, or was not to be cast; the rays' tFar is spent. Returns the rays cast. Fans go as one
-  /// stream, the fastest way of Embree's for rays of a hemisphere: sixteen of them, 256 rays, are best (bench/ao_bench).
+  /// stream, the fastest way of Embree's for rays of a hemisphere (bench/ao_bench).
   std::uint64_t occluded(std::span<RayFan>, std::span<std::uint16_t> blocked, Purpose) const;
   Hit closest(const Ray&, Purpose) const;
   void closest(std::span<const Ray>, std::span<Hit>, Purpose) const;

@@ -25,7 +25,7 @@ constexpr double kPatchesPerSquare = 3.0;
 constexpr double kSquaresAtTwoPercent = 3000.0;
 constexpr std::uint64_t kPatchOfLinks = 3000;  // 25 links a patch, those of the round before beside them
 constexpr std::uint64_t kDensePair = 12;
-constexpr std::uint64_t kMostTiles = 128 << 20;  // that are kept
+constexpr std::uint64_t kMostTiles = 512 << 20;  // that are kept
 // Of texels' state, when it lies in files: what is in work, and what stays in memory of each texel (cells, pools).
 constexpr std::uint64_t kWindow = 96 << 20, kTexelStays = 16;
 // Without --memory: so much, or if the level takes more, so much beside it.

@@ -18,7 +18,8 @@ constexpr std::uint32_t kStream = 4;  // of random numbers: apart from those of 
 // Of the map's cells that get hemisphere rays: this share, but texels enough to tell, and no more than that takes.
 constexpr double kSampled = 0.08, kLeastTexels = 7500.0, kMostTexels = 30000.0;
 constexpr std::size_t kAoBlocks = 250;  // of kAoBlock x kAoBlock texels, for rays of ambient occlusion
-constexpr std::uint32_t kManyAoRays = 96;
+constexpr std::uint32_t kFewAoRays = 32;
+constexpr double kManyAoRays = 96.0, kMostAoRays = 256.0, kAoShare = 0.02;  // a texel of these, to learn what a ray takes: 2 % of the work
 constexpr int kAoBlock = 4;
 // Bounds above what is measured: on every texel of the map by two places; and what coarse patches see of the sky and of bounces.
 constexpr double kDirectMargin = 1.1, kPatchMargin = 1.5;
@@ -28,9 +29,9 @@ constexpr double kNearRays = 0.7;  // rays for each near hit: one, but for those
 constexpr double kPilotTexel_s = 1.0e-6, kDirectTexel_s = 0.7e-6;     // of direct light: in the pilot, in the bake
 constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the gather, likewise
 constexpr double kManyRays = 0.92;                                    // a ray among many neighbours, against one of a sample
-constexpr double kAoTexel_s = 3e-6, kAoHard = 1.25;                   // rays of later rounds go where geometry is dense
+constexpr double kAoTexel_s = 1.5e-6, kAoHard = 1.1;                  // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
-constexpr double kLeastRay_s = 0.05e-6, kLeastDirectRay_s = 0.15e-6;
+constexpr double kLeastRay_s = 0.02e-6, kLeastDirectRay_s = 0.15e-6;
 // Against the pilot's patches: how many the bake makes at a goal of 2 %, and how often it does to them what the pilot does once.
 constexpr double kFinerPatches = 3.5, kMeshAgain = 3.0, kLightAgain = 3.0;
 // Spread of what comes out of these, beside what sampling leaves: standard deviations of the logarithm.
@@ -256,18 +257,14 @@ class PilotRun {
     const double all = sample.all / sample.texels;
     // The same texels with few rays and with many: what a texel takes, and what a ray.
     ao::Options options = b_.options.ao.how;
-    const auto timed = [&](double& told) {
-      Clock clock;
-      const double before = rays(Purpose::Occlusion);
-      told = all * ao::foretellMap(b_.scene, *b_.texels, sample.chart, *b_.tracer, options, quiet_);
-      return std::pair(clock.lap(), rays(Purpose::Occlusion) - before);
-    };
-    double told = 0.0, many = 0.0;
-    timed(told);  // what a first time takes beside is no part of a ray
-    const auto [few_s, fewRays] = timed(told);
-    options.rays = kManyAoRays;
-    const auto [many_s, manyRays] = timed(many);
-    const double ray_s = std::max(kLeastRay_s, (many_s - few_s) / std::max(1.0, manyRays - fewRays));
+    const auto cast = [&] { return ao::foretellMap(b_.scene, *b_.texels, sample.chart, *b_.tracer, options, quiet_); };
+    const double told = all * cast().rays;
+    options.rays = kFewAoRays;
+    cast();  // what the first times take beside, pages of memory that are new, is no part of a ray
+    const ao::MapForecast few = cast();
+    options.rays = std::uint32_t(std::clamp(kAoShare * told / sample.texels, kManyAoRays, kMostAoRays));
+    const ao::MapForecast many = cast();
+    const double ray_s = std::max(kLeastRay_s, (many.cast_s - few.cast_s) / std::max(1.0, many.cast - few.cast));
     out_.occlude = forecast(told, kAoTexel_s * sample.all + kAoHard * ray_s * told, kAoSpread);
   }
 
