@@ -83,15 +83,15 @@ class VertexSet {
     const std::uint32_t mask = std::uint32_t(table_.size() - 1);
     const std::uint64_t mine = std::uint64_t(hash) << 32 | vertex;
     for (std::uint32_t slot = hash >> (32 - bits_);; slot = (slot + 1) & mask) {
-      std::uint64_t there = table_[slot];
       if constexpr (kShared) {
         std::atomic_ref<std::uint64_t> place(table_[slot]);
-        there = place.load(std::memory_order_relaxed);
+        std::uint64_t there = place.load(std::memory_order_relaxed);
         if (there == kEmpty && place.compare_exchange_strong(there, mine, std::memory_order_relaxed)) return slot;
         if ((there ^ mine) >> 32 || !(Key(vertices_[std::uint32_t(there)]) == Key(vertices_[vertex]))) continue;
         while (mine < there && !place.compare_exchange_weak(there, mine, std::memory_order_relaxed)) {
         }
       } else {
+        const std::uint64_t there = table_[slot];
         if (there == kEmpty) {
           table_[slot] = mine;
           return slot;
