@@ -52,11 +52,20 @@ extern "C" void onAlarm(int) { leave(lmc::askedToStop()); }
 
 constexpr char kOutOfMemory[] = "lmc: error: out of memory [LMC_MEMORY]\n";
 
-/// What ends where nothing can be thrown: destructors of outside libraries' values (JSON's) take memory. Nothing is left behind.
+/// Whether this thread was refused memory: where it unwinds through a function that throws nothing, the exception is not to be had.
+thread_local bool refusedMemory = false;
+
+void onNoMemory() {
+  refusedMemory = true;
+  throw std::bad_alloc();
+}
+
+/// What ends where nothing can be thrown: destructors of outside libraries' values (JSON's, Ceres's) take memory. Nothing is left behind.
 void onTerminate() {
   lmc::Exit code = lmc::Exit::Internal;
   try {
     if (const std::exception_ptr e = std::current_exception()) std::rethrow_exception(e);
+    if (refusedMemory) throw std::bad_alloc();
     std::fputs("lmc: error: internal: ended out of order [LMC_INTERNAL]\n", stderr);
   } catch (const std::bad_alloc&) {
     std::fputs(kOutOfMemory, stderr);
@@ -72,6 +81,7 @@ void onTerminate() {
 
 void prepareProcess() {
   std::set_terminate(onTerminate);
+  std::set_new_handler(onNoMemory);
   lmc::trapFloats();
   // Files that are opened must never land on descriptors 0 to 2, or the log would be written into them.
   for (int fd = 0; fd <= 2; ++fd)

@@ -45,7 +45,10 @@ void* operator new(std::size_t size) {
     timespec now{};
     ::clock_gettime(CLOCK_MONOTONIC, &now);
     note("LMC_THROW_TIME", "%.6f\n", double(now.tv_sec) + 1e-9 * double(now.tv_nsec));
-    if (memory) throw std::bad_alloc();
+    if (memory) {
+      if (const std::new_handler handler = std::get_new_handler()) handler();  // as any `new` that finds none
+      throw std::bad_alloc();
+    }
     throw std::runtime_error("thrown for a test");
   }
   if (void* p = std::malloc(size ? size : 1)) return p;
