@@ -10,7 +10,6 @@ namespace {
 
 constexpr std::uint32_t kBatch = 256;
 constexpr float kTouching = 0.1f;
-constexpr float kNear = 1.0f;  // sizes of the patch that was hit: nearer hits are evaluated at the place
 
 }  // namespace
 
@@ -96,16 +95,16 @@ Gathered Gather::rays(const TexelTile& tile, int x, int y, int half, std::uint32
       }
       const Field::Seen seen = field_->at(hits[i], half);
       guide.add(towards[i], seen.exitance.r + seen.exitance.g + seen.exitance.b, weight[i]);
-      const bool isNear = hits[i].t < kNear * seen.size_m;
+      const bool isNear = hits[i].t < nearSizes_ * seen.size_m;
       out.near += isNear;
-      out.touching += hits[i].t < kTouching * seen.size_m;
+      out.touching += hits[i].t < kTouching * nearSizes_ * seen.size_m;
+      const glm::dvec3 back = double(weight[i]) * glm::dvec3(seen.exitance);
+      if (isNear) out.nearLight += back;
       if (nearHits_ && isNear) {
         near.push_back({hits[i], index[i], weight[i]});
         continue;
       }
-      const glm::dvec3 back = double(weight[i]) * glm::dvec3(seen.exitance);
       out.bounced += back;
-      if (isNear) out.nearLight += back;
       out.coarse += double(weight[i]) * glm::dvec3(seen.coarse);
     }
     if (!near.empty()) {

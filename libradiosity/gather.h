@@ -13,7 +13,7 @@ namespace lmc {
 struct Gathered {
   glm::dvec3 bounced{0.0};    ///< sum of exitance met: E = sum / rays
   glm::dvec3 coarse{0.0};     ///< the same from patches of twice the size
-  glm::dvec3 nearLight{0.0};  ///< the part of `bounced` that comes from near hits, where they are read from the field as all others
+  glm::dvec3 nearLight{0.0};  ///< what near hits give where they are read from the field as all others
   double sky = 0.0;           ///< rays that left the level, by weight: E_sky = pi L sky / rays
   std::uint32_t near = 0, touching = 0;  ///< rays that met something nearer than the patch's size, than a tenth of it
   Gathered& operator+=(const Gathered& o) {
@@ -30,9 +30,10 @@ struct Gathered {
 class Gather {
  public:
   /// `field` may be null: then rays only ask for the sky, and cost what an occlusion ray costs. Without `nearHits` no light comes that is
-  /// not in the field (bounces are counted).
-  Gather(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const Field* field, bool nearHits, std::uint64_t seed)
-      : scene_(scene), tracer_(tracer), direct_(direct), field_(field), nearHits_(nearHits), seed_(seed) {}
+  /// not in the field (bounces are counted). Hits are near that lie within so many sizes of the patch that was hit.
+  Gather(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const Field* field, bool nearHits, std::uint64_t seed,
+         float nearSizes = 1.0f)
+      : scene_(scene), tracer_(tracer), direct_(direct), field_(field), nearHits_(nearHits), nearSizes_(nearSizes), seed_(seed) {}
 
   /// Rays [begin, end) of the texel's sequence: ray k is the same whatever else is asked. E about the interpolated normal; a direction
   /// below the face itself counts as blocked and is not cast. `guide` tells the rays where to go as it was built last, and takes in what
@@ -54,6 +55,7 @@ class Gather {
   const DirectLight& direct_;
   const Field* field_;
   bool nearHits_;
+  float nearSizes_;
   std::uint64_t seed_;
 };
 

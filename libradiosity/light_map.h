@@ -121,6 +121,7 @@ struct DirectPilot {
   std::vector<Given> lights;         ///< one a punctual light; what groups stand for is not in it
   std::vector<ObjectLight> objects;  ///< one an object
   double rays = 0.0;                 ///< that bakeDirect is going to cast, about
+  double ray_s = 0.0;                ///< what one of them takes, all that goes with it included [CPU s]
   DirectPilot& operator+=(const DirectPilot&);
 };
 
@@ -135,8 +136,8 @@ void bakeHemisphere(LightMap&, const Scene&, const TexelMap&, const Tracer&, con
 /// Hemisphere rays that bakeHemisphere is going to cast on the whole map.
 struct HemisphereForecast {
   double rays = 0.0, standardError = 0.0;
-  double near = 0.0;  ///< of them, those that meet something near
-  double cast = 0.0;  ///< on the sample
+  double near = 0.0;                  ///< of them, those that meet something near
+  double cast = 0.0, nearCast = 0.0;  ///< on the sample, and of them
   /// Of the light that comes from what is near: mean over texels of the largest channel, and of its square [lx, lx^2].
   struct NearLight {
     double texels = 0.0, mean = 0.0, mean2 = 0.0;

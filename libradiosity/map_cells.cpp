@@ -21,8 +21,7 @@ constexpr double kErrorOfBend = 1.0 / 12.0;
 constexpr double kSteep = 0.35;  // change from end to end, as a share of the larger, from which one halving that looks straight does not do
 constexpr double kNextHalving = 1.0 / 16.0;  // of a bend's square, where light is twice differentiable
 
-constexpr int kSampledBlock = 16;      // texels
-constexpr double kLeastBlocks = 24.0;  // of a sample
+constexpr int kSampledBlock = 8;  // texels
 
 enum Join : std::uint8_t { kRight = 1, kDown = 2 };
 
@@ -218,52 +217,79 @@ std::size_t MapCells::blockOf(const Cell& c) const {
   return std::size_t(c.y0 / kSampledBlock) * std::size_t((map_.width + kSampledBlock) / kSampledBlock) + std::size_t(c.x0 / kSampledBlock);
 }
 
-void MapCells::sample(double share, std::span<std::uint32_t> chart) {
+template <class F>
+void MapCells::forTexels(const Cell& c, F&& f) const {
+  for (int y = c.y0; y <= c.y1; ++y)
+    for (int x = c.x0; x <= c.x1; ++x) f(index(x, y));
+}
+
+std::vector<MapCells::Block> MapCells::blocks(std::size_t probes) {
   if (cells_.empty()) {  // every texel is gathered
     for (int y = 0; y < map_.height; ++y)
       for (int x = 0; x < map_.width; ++x)
         if (gathered_[index(x, y)]) cells_.push_back({x, y, x, y});
     roots_ = std::uint32_t(cells_.size());
   }
-  const auto forTexels = [&](const Cell& c, const auto& f) {
-    for (int y = c.y0; y <= c.y1; ++y)
-      for (int x = c.x0; x <= c.x1; ++x) f(index(x, y));
-  };
-  shared_.assign(gathered_.size(), 0);
+  held_.assign(gathered_.size(), 0);
+  for (std::uint32_t r = 0; r < roots_; ++r)
+    forTexels(cells_[r], [&](std::size_t i) { held_[i] = std::uint8_t(std::min(254, held_[i] + 1)); });
+  std::vector<Block> all(blockOf({map_.width, map_.height, 0, 0}) + 1);
   for (std::uint32_t r = 0; r < roots_; ++r) {
-    forTexels(cells_[r], [&](std::size_t i) { shared_[i] = std::uint8_t(std::min(254, shared_[i] + 1)); });
+    Block& b = all[blockOf(cells_[r])];
+    b.cells += 1.0;
+    forTexels(cells_[r], [&](std::size_t i) {
+      b.texels += 1.0 / double(held_[i]);
+      if (gathered_[i]) b.points += 1.0 / double(held_[i]);
+    });
   }
-  // Whole blocks, whose points share guides and pools as in the map. From those of the smallest cells to those of the largest, evenly.
-  struct Block {
-    double texels = 0.0, roots = 0.0;
-    std::size_t id = 0;
-    bool taken = false;
-  };
-  std::vector<Block> blocks(blockOf({map_.width, map_.height, 0, 0}) + 1);
-  for (std::uint32_t r = 0; r < roots_; ++r) {
-    Block& b = blocks[blockOf(cells_[r])];
-    b.texels += double((cells_[r].x1 - cells_[r].x0 + 1) * (cells_[r].y1 - cells_[r].y0 + 1));
-    b.roots += 1.0;
+  std::vector<std::vector<std::size_t>> points(all.size());
+  for (std::uint32_t r = 0; r < roots_; ++r)
+    forTexels(cells_[r], [&](std::size_t i) {
+      if (gathered_[i]) points[blockOf(cells_[r])].push_back(i);
+    });
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const std::size_t n = std::min(probes, points[k].size());
+    for (std::size_t j = 0; j < n; ++j) all[k].probes.push_back(points[k][(2 * j + 1) * points[k].size() / (2 * n)]);
   }
-  std::vector<Block> order;
-  for (std::size_t k = 0; k < blocks.size(); ++k)
-    if (blocks[k].roots > 0.0) {
-      order.push_back(blocks[k]);
-      order.back().id = k;
+  std::vector<Block> out;
+  for (std::size_t k = 0; k < all.size(); ++k)
+    if (all[k].cells > 0.0) {
+      out.push_back(all[k]);
+      out.back().id = k;
     }
-  std::ranges::stable_sort(order, {}, [](const Block& b) { return b.texels / b.roots; });
-  const double wanted = std::min(double(order.size()), std::max(kLeastBlocks, share * double(order.size())));
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    const double part = wanted / double(order.size());
-    blocks[order[k].id].taken = std::floor((double(k) + 1.0) * part + 0.5) > std::floor(double(k) * part + 0.5);
+  return out;
+}
+
+void MapCells::sample(std::span<const Block> blocks, std::span<const double> sizes, double wanted, std::span<std::uint32_t> chart) {
+  // Chances that add up to what is wanted, none above one.
+  wanted = std::min(wanted, double(blocks.size()));
+  double factor = 0.0;
+  for (int pass = 0; pass < 20; ++pass) {
+    double sure = 0.0, rest = 0.0;
+    for (const double s : sizes) (factor * s >= 1.0 ? sure : rest) += factor * s >= 1.0 ? 1.0 : s;
+    const double next = rest > 0.0 ? (wanted - sure) / rest : factor;
+    if (next <= factor) break;
+    factor = next;
+  }
+  std::vector<std::size_t> order(blocks.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::ranges::stable_sort(order, {}, [&](std::size_t k) { return blocks[k].texels / blocks[k].cells; });
+  std::vector<double> weightOf(blockOf({map_.width, map_.height, 0, 0}) + 1, 0.0);
+  double sum = 0.5;
+  for (const std::size_t k : order) {
+    const double chance = std::min(1.0, factor * sizes[k]);
+    if (std::floor(sum + chance) > std::floor(sum)) weightOf[blocks[k].id] = 1.0 / chance;
+    sum += chance;
   }
   std::vector<Cell> cells;
   for (std::uint32_t r = 0; r < roots_; ++r) {
-    if (!blocks[blockOf(cells_[r])].taken) continue;
+    const double w = weightOf[blockOf(cells_[r])];
+    if (!(w > 0.0)) continue;
     cells.push_back(cells_[r]);
+    weights_.push_back(w);
   }
+  const auto points = double(std::ranges::count(gathered_, std::uint8_t(1)));
   roots_ = std::uint32_t(cells.size());
-  const auto before = double(std::ranges::count(gathered_, std::uint8_t(1)));
   for (std::size_t at = 0; at < cells.size(); ++at) {
     if (cells[at].child == kNone) continue;
     const std::uint32_t child = cells[at].child;
@@ -274,30 +300,36 @@ void MapCells::sample(double share, std::span<std::uint32_t> chart) {
   cells_ = std::move(cells);
   std::ranges::fill(gathered_, std::uint8_t(0));
   for (const Cell& c : cells_) add(c);
-  standsFor_ = before / estimate([](std::size_t) { return 1.0; }).sum;
-  TexelArray<std::uint8_t> in(gathered_.size());
-  for (std::uint32_t r = 0; r < roots_; ++r) forTexels(cells_[r], [&](std::size_t i) { in[i] = 1; });
-  for (std::size_t i = 0; i < in.size(); ++i)
-    if (!in[i]) chart[i] = kNone;
+  const double told = estimate([](std::size_t) { return 1.0; }).sum;
+  for (double& w : weights_) w *= points / told;  // how many there are is known
+  standsFor_.assign(gathered_.size(), 0.0f);
+  for (std::uint32_t r = 0; r < roots_; ++r)
+    forTexels(cells_[r], [&](std::size_t i) { standsFor_[i] += float(weights_[r] / double(held_[i])); });
+  for (std::size_t i = 0; i < standsFor_.size(); ++i)
+    if (!(standsFor_[i] > 0.0f)) chart[i] = kNone;
 }
 
 MapCells::Estimate MapCells::estimate(const std::function<double(std::size_t texel)>& of) const {
   // Blocks are what was drawn.
-  std::unordered_map<std::size_t, double> blocks;
+  struct Drawn {
+    double sum = 0.0, weight = 1.0;
+  };
+  std::unordered_map<std::size_t, Drawn> blocks;
   Estimate out;
   for (std::uint32_t r = 0; r < roots_; ++r) {
-    const Cell& c = cells_[r];
     double sum = 0.0;
-    for (int y = c.y0; y <= c.y1; ++y)
-      for (int x = c.x0; x <= c.x1; ++x)
-        if (gathered_[index(x, y)]) sum += of(index(x, y)) / sharedBy(index(x, y));
-    blocks[blockOf(c)] += sum;
-    out.sum += standsFor_ * sum;
+    forTexels(cells_[r], [&](std::size_t i) {
+      if (gathered_[i]) sum += weights_[r] * of(i) / double(held_[i]);
+    });
+    Drawn& b = blocks[blockOf(cells_[r])];
+    b.sum += sum;
+    b.weight = weights_[r];
+    out.sum += sum;
   }
-  const double n = double(blocks.size()), mean = out.sum / (standsFor_ * std::max(1.0, n));
+  const double n = out.blocks = double(blocks.size()), mean = out.sum / std::max(1.0, n);
   double squares = 0.0;
-  for (const auto& [id, sum] : blocks) squares += (sum - mean) * (sum - mean);
-  if (n > 1.0) out.standardError = standsFor_ * std::sqrt(squares * n / (n - 1.0) * std::max(0.0, 1.0 - 1.0 / standsFor_));
+  for (const auto& [id, b] : blocks) squares += (b.sum - mean) * (b.sum - mean) * std::max(0.0, 1.0 - 1.0 / b.weight);
+  if (n > 1.0) out.standardError = std::sqrt(squares * n / (n - 1.0));
   return out;
 }
 
@@ -358,31 +390,31 @@ MapCells::Halving MapCells::halvingOf(const Cell& c, const ValueAt& at) const {
 template <class F>
 void MapCells::forLeaves(const ValueAt& at, F&& f) const {
   struct Open {
-    std::uint32_t id;
+    std::uint32_t id, root;
     Bend x, y;
   };
   std::vector<Open> open;
   for (std::uint32_t root = 0; root < roots_; ++root) {
-    open.push_back({root, {}, {}});
+    open.push_back({root, root, {}, {}});
     while (!open.empty()) {
       Open o = open.back();
       open.pop_back();
       const Cell& c = cells_[o.id];
       if (c.child == kNone) {
-        f(o.id, o.x, o.y);
+        f(o.id, o.root, o.x, o.y);
         continue;
       }
       Bend& bend = c.alongY ? o.y : o.x;
       bend = {halvingOf(c, at), bend.last};
-      open.push_back({c.child + 1, o.x, o.y});
-      open.push_back({c.child, o.x, o.y});
+      open.push_back({c.child + 1, o.root, o.x, o.y});
+      open.push_back({c.child, o.root, o.x, o.y});
     }
   }
 }
 
 std::size_t MapCells::refine(const ValueAt& at, const ToleranceAt& tolerance) {
   std::vector<std::pair<std::uint32_t, std::array<bool, 2>>> wanted;
-  forLeaves(at, [&](std::uint32_t id, const Bend& x, const Bend& y) {
+  forLeaves(at, [&](std::uint32_t id, std::uint32_t, const Bend& x, const Bend& y) {
     const Cell& c = cells_[id];
     if (c.x1 - c.x0 < 2 && c.y1 - c.y0 < 2) return;
     Tolerance allowed{1e300, 1e300};
@@ -452,7 +484,7 @@ void MapCells::forInterpolated(const std::function<void(std::size_t, const Corne
 }
 
 void MapCells::forErrors(const ValueAt& at, const std::function<void(std::size_t, double, double)>& f) const {
-  forLeaves(at, [&](std::uint32_t id, const Bend& x, const Bend& y) {
+  forLeaves(at, [&](std::uint32_t id, std::uint32_t root, const Bend& x, const Bend& y) {
     const Cell& c = cells_[id];
     double last = 0.0, before = 0.0;
     for (const auto& [bend, extent] : {std::pair(&x, c.x1 - c.x0), std::pair(&y, c.y1 - c.y0)}) {
@@ -460,7 +492,7 @@ void MapCells::forErrors(const ValueAt& at, const std::function<void(std::size_t
       last += bend->last.sure();
       before += bend->before.known ? kNextHalving * bend->before.sure() : bend->last.sure();
     }
-    const double texels = std::max(1, c.x1 - c.x0) * std::max(1, c.y1 - c.y0);
+    const double texels = (weights_.empty() ? 1.0 : weights_[root]) * std::max(1, c.x1 - c.x0) * std::max(1, c.y1 - c.y0);
     if (last != 0.0) f(index(c.x0, c.y0), kErrorOfBend * texels * last, kErrorOfBend * texels * before);
   });
 }

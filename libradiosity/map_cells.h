@@ -54,20 +54,29 @@ class MapCells {
   using Weights = std::array<double, 4>;
   void forInterpolated(const std::function<void(std::size_t, const Corners&, const Weights&)>&) const;
 
-  /// Expected square of the interpolation error [lx^2], summed over the texels of each leaf, from the last halving and from the one before:
-  /// f(texel of a corner, sum, sum). Noise is taken out of the sums, so that one of them may be negative.
+  /// Expected square of the interpolation error [lx^2], summed over the texels that each leaf stands for, from the last halving and from
+  /// the one before: f(texel of a corner, sum, sum). Noise is taken out of the sums, so that one of them may be negative.
   void forErrors(const ValueAt&, const std::function<void(std::size_t, double, double)>&) const;
 
   static constexpr int kWidest = 16;  ///< texels of a cell before its first halving
 
-  /// For a forecast: keeps about `share` of the cells, spread evenly over the map and over cells of each size; where the rest was, `chart`
-  /// becomes kNone.
-  void sample(double share, std::span<std::uint32_t> chart);
-  /// Of a gathered texel of a sample: by how many cells of the whole map it is shared. 1 without a sample.
-  double sharedBy(std::size_t texel) const { return shared_.empty() ? 1.0 : double(shared_[texel]); }
+  /// Cells that lie together, before any is refined: what a sample is drawn of.
+  struct Block {
+    std::size_t id = 0;
+    double cells = 0.0, texels = 0.0, points = 0.0;  ///< gathered points; those that blocks share are shared out
+    std::vector<std::size_t> probes;                 ///< some of its gathered texels
+  };
+  std::vector<Block> blocks(std::size_t probes);
+  /// For a forecast: keeps about `wanted` of the blocks, each with a chance that goes with its entry in `sizes`; where the rest was, `chart`
+  /// becomes kNone. Blocks that differ in their cells are drawn evenly.
+  void sample(std::span<const Block>, std::span<const double> sizes, double wanted, std::span<std::uint32_t> chart);
+  /// What a texel of a sample stands for: 1 / its chance, for each of the map's cells that hold it and are in the sample, over all that hold
+  /// it. 1 without a sample.
+  double standsFor(std::size_t texel) const { return standsFor_.empty() ? 1.0 : double(standsFor_[texel]); }
   /// Sum over the whole map of what is known of the sample's gathered texels.
   struct Estimate {
     double sum = 0.0, standardError = 0.0;
+    double blocks = 0.0;  ///< in the sample
   };
   Estimate estimate(const std::function<double(std::size_t texel)>&) const;
 
@@ -88,6 +97,8 @@ class MapCells {
   bool whole(const Cell&, std::span<const std::uint8_t> joined) const;
   Halving halvingOf(const Cell&, const ValueAt&) const;
   template <class F>
+  void forTexels(const Cell&, F&&) const;
+  template <class F>
   void forLeaves(const ValueAt&, F&&) const;
   std::size_t index(int x, int y) const { return std::size_t(y) * std::size_t(map_.width) + std::size_t(x); }
 
@@ -95,9 +106,9 @@ class MapCells {
   std::vector<Cell> cells_;
   std::uint32_t roots_ = 0;
   TexelArray<std::uint8_t> gathered_;
-  // Of a sample: how many roots of the whole map share each texel; by how much more it is than the sample.
-  TexelArray<std::uint8_t> shared_;
-  double standsFor_ = 1.0;
+  TexelArray<std::uint8_t> held_;    // by how many roots of the whole map; for samples
+  std::vector<double> weights_;      // of a sample's roots
+  TexelArray<float> standsFor_;
 };
 
 }  // namespace lmc

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <unordered_map>
 
@@ -15,7 +16,8 @@ namespace {
 
 constexpr std::uint32_t kPilotPlaces = 8;  // each half, on every texel that a light may reach
 
-constexpr std::size_t kPilotParts = 64;  // sums of a pilot
+constexpr std::size_t kPilotParts = 64;                   // sums of a pilot
+constexpr std::size_t kTimedTiles = 24, kLeastTimed = 2;  // one of so many tiles tells what a ray takes
 constexpr std::uint32_t kMostPlaces = 128;
 constexpr std::size_t kDrawsAPlace = 2;  // of groups, at first
 constexpr std::size_t kPilotDraws = kDrawsAPlace * kPilotPlaces;
@@ -496,11 +498,39 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
   });
 }
 
+/// What a ray of the bake takes [CPU s], all that goes with it included: some of the fullest tiles as bakeDirect does them. 0 where they
+/// get no light.
+static double timeRays(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
+                       const Run& run) {
+  std::vector<std::uint32_t> covered(texels.tileCount(), 0);
+  for (std::size_t i = 0; i < map.size(); ++i) {
+    if (map.chart[i] == kNone) continue;
+    const std::size_t x = i % std::size_t(map.width), y = i / std::size_t(map.width);
+    ++covered[y / kTile * std::size_t(texels.tilesX()) + x / kTile];
+  }
+  std::vector<std::size_t> full;
+  for (std::size_t t = 0; t < covered.size(); ++t)
+    if (2 * covered[t] > std::ranges::max(covered)) full.push_back(t);
+  if (full.empty()) return 0.0;
+  const std::size_t count = std::min(full.size(), std::max(kLeastTimed, texels.tileCount() / kTimedTiles));
+  std::vector<double> taken_s(count);
+  const auto rays = [&] { return double(direct.tracer().rays(Purpose::Shadow) + direct.tracer().rays(Purpose::Emitter)); };
+  const double before = rays();
+  parallelFor(run, count, 1, [&](std::size_t k) {
+    const double before_s = threadSeconds();
+    const auto held = texels.held(full[(2 * k + 1) * full.size() / (2 * count)]);
+    TileDirect(map, scene, *held, direct, options, kPilotPlaces, run.seed).bake();
+    taken_s[k] = threadSeconds() - before_s;
+  });
+  return std::accumulate(taken_s.begin(), taken_s.end(), 0.0) / std::max(1.0, rays() - before);
+}
+
 DirectPilot pilotDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
                         const Run& run) {
   DirectPilot none;
   none.lights.resize(scene.lights.size());
   none.objects.resize(scene.objects.size());
+  const double ray_s = timeRays(map, scene, texels, direct, options, run);
   std::vector<DirectPilot> tiles(std::min(texels.tileCount(), kPilotParts), none);
   // Few sums, each over tiles in order.
   parallelFor(run, tiles.size(), 1, [&](std::size_t p) {
@@ -511,6 +541,7 @@ DirectPilot pilotDirect(LightMap& map, const Scene& scene, const TexelMap& texel
     }
   });
   for (const DirectPilot& p : tiles) none += p;
+  none.ray_s = ray_s;
   return none;
 }
 

@@ -21,10 +21,12 @@ constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 // Rays each half, mean over a map, at a goal of 2 %; with goal^-1.4 at others. Three times what the hardest benchmark takes: a level whose
 // light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
 constexpr double kMeanRaysAtTwoPercent = 1024.0;
-constexpr double kSobolExponent = 0.7;       // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
-constexpr double kBudget = 0.95;             // of the goal: what is foretold wavers
-constexpr double kObjectBudget = 0.9;        // of an object's: estimates of small ones waver more
-constexpr double kUsualField = 0.12;         // of a budget: what the bound of patches takes in most levels
+constexpr double kSobolExponent = 0.7;  // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
+constexpr double kBudget = 0.95;        // of the goal: what is foretold wavers
+constexpr double kObjectBudget = 0.9;   // of an object's: estimates of small ones waver more
+// Of a budget: what the bounds of patches and of interpolation take in most levels. The first rays tell neither, for their noise is in
+// both.
+constexpr double kUsualField = 0.12, kUsualBetween = 0.15;
 constexpr double kLeastNoise = 0.4;          // of the goal: below it rays no longer pay
 constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what lies between gathered texels
 // The same for a cell that was halved just now. What bends gently is worth no more points, each of which would need rays of its own:
@@ -34,10 +36,14 @@ constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: m
 constexpr double kLargeInterpolation = 0.25;           // of an object's budget
 constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
 constexpr double kDimPlace = 0.03;
-constexpr double kLargeChart = 0.01;    // of the level's texels
-constexpr double kHopeless = 2.0;       // of the least variance that there can be
-constexpr std::size_t kFewPools = 100;  // of a sample
-constexpr double kTogether = 0.5;       // of their limits: what groups with a limit each have in the mean, for most stay below (measured)
+constexpr double kLargeChart = 0.01;   // of the level's texels
+constexpr double kHopeless = 2.0;      // of the least variance that there can be
+constexpr double kLeastBlocks = 24.0;  // of a sample
+constexpr std::size_t kProbes = 4;     // of a block of cells, before a sample is drawn
+// Rays go with a power above one of a noise, and the strictest of several limits counts: the fewer blocks tell of it, the more they ask for
+// (measured, 1.25 times among 40 blocks and 1.0 among 500).
+constexpr double kAskedByFew = 8.0;
+constexpr double kUnseen = 0.25;  // of the mean: what may be hard where a sample's first rays saw nothing
 // A point whose own halves are so many goals off, against its light, has met what is rare and bright, and would show as a speckle: it gets
 // so many times its rays.
 constexpr double kSpeckle = 10.0;
@@ -59,7 +65,6 @@ struct Pool {
   double illuminance = 0.0;           ///< mean over the texels spoken for, direct light included [lx]
   double bounced = 0.0;               ///< the part of it that comes by bounces
   glm::dvec3 drift{0.0};              ///< mean change when light is read from patches of twice the size [lx]
-  double unit = 1.0;                  ///< what its variance is counted in [lx^2]
   double wanted = 0.0;                ///< rays each half after the next round
 };
 
@@ -94,9 +99,7 @@ class HemisphereBaker {
       all += 1.0;
     }
     for (const double n : texelsOf) large_.push_back(n >= kLargeChart * all);
-    if (options.sampled < 1.0) near_ = TexelArray<Near>(map.size());
     // A guide serves the texels of a chart in a block, which lies in one tile: one thread at a time writes to it, in a fixed order.
-    if (options.sampled < 1.0) cells_.sample(options.sampled, map.chart);
     static_assert(kTile % kGuideBlock == 0);
     guideOf_ = TexelArray<std::uint32_t>(map.size());
     const std::uint32_t guides = numberChartBlocks(map.chart, map.width, kGuideBlock, guideOf_);
@@ -107,6 +110,7 @@ class HemisphereBaker {
       const glm::dvec3 d = 0.5 * (glm::dvec3(map.direct[0][i]) - glm::dvec3(map.direct[1][i]));
       directNoise2_[map.object[i]] += mean3(d * d);
     }
+    if (options_.sampled < 1.0) drawSample();
   }
 
   void bake() {
@@ -117,6 +121,7 @@ class HemisphereBaker {
       const double next = correction == 0 ? 0.85 : 0.5 * (1.0 + done);
       if (!cast(done, next)) break;
       done = next;
+      early_ = false;
       makePools();
       if (correction == kMaxCorrections) break;
       // As far down as it goes: rays show steps that the pilot's noise hid, and half of a step's cell still has all of it.
@@ -138,16 +143,18 @@ class HemisphereBaker {
 
   /// What the map would have got, when this one is a sample of it.
   HemisphereForecast forecast() const {
-    HemisphereForecast out;
+    HemisphereForecast out = probes_;
     const auto rays = cells_.estimate([this](std::size_t i) { return 2.0 * map_.rays[i]; });
-    out.rays = rays.sum;
-    out.standardError = rays.standardError;
+    const double excess = 1.0 + kAskedByFew / rays.blocks;
+    out.rays = rays.sum / excess;
+    out.standardError = rays.standardError / excess;
     for (const std::uint32_t n : map_.rays) out.cast += 2.0 * n;
     out.near = cells_.estimate([this](std::size_t i) { return double(near_[i].rays); }).sum;
     out.nearLight.resize(scene_.objects.size() + 1);
     for (std::size_t i = 0; i < near_.size(); ++i) {
+      out.nearCast += double(near_[i].rays);
       if (poolOf_[i] == kNone) continue;
-      const double e = double(strength(near_[i].light)) / (2.0 * map_.rays[i]), own = 1.0 / cells_.sharedBy(i);
+      const double e = double(strength(near_[i].light)) / (2.0 * map_.rays[i]), own = cells_.standsFor(i);
       for (auto* sum : {&out.nearLight[map_.object[i]], &out.nearLight.back()}) {
         sum->texels += own;
         sum->mean += own * e;
@@ -162,6 +169,72 @@ class HemisphereBaker {
   }
 
  private:
+  /// Of a map that is to be foretold, blocks of cells: those that a few rays show to be hard with a better chance.
+  void drawSample() {
+    near_ = TexelArray<Near>(map_.size());
+    const std::vector<MapCells::Block> blocks = cells_.blocks(kProbes);
+    const auto forProbes = [&](const auto& f) {
+      for (const MapCells::Block& b : blocks)
+        for (const std::size_t i : b.probes) f(i, b);
+    };
+    // Rays that the sample does not cast again: those that happened to meet much would count twice.
+    forProbes([&](std::size_t i, const MapCells::Block&) {
+      map_.rays[i] = kMostRays;
+      wanted_[i] = kMostRays + kFirstRays;
+    });
+    cast(0.0, 0.02);
+    forProbes([&](std::size_t i, const MapCells::Block&) { map_.rays[i] = kFirstRays; });
+    // What an error counts against: the level, objects, large charts.
+    struct Sum {
+      double light = 0.0, texels = 0.0;
+      double mean() const { return texels > 0.0 ? light / texels : 0.0; }
+    };
+    Sum level;
+    std::vector<Sum> objects(scene_.objects.size()), charts(large_.size());
+    forProbes([&](std::size_t i, const MapCells::Block& b) {
+      for (Sum* s : {&level, &objects[map_.object[i]], &charts[map_.chart[i]]}) {
+        const double texels = b.texels / double(b.probes.size());
+        s->light += texels * mean3(direct(i) + illuminance(i));
+        s->texels += texels;
+      }
+    });
+    std::vector<double> sizes;
+    double all = 0.0, points = 0.0;
+    for (const MapCells::Block& b : blocks) {
+      double size = 0.0;
+      for (const std::size_t i : b.probes) {
+        double against = std::min(level.mean(), kObjectLimit * std::max(objects[map_.object[i]].mean(), kDimRoom * level.mean()));
+        if (large_[map_.chart[i]])
+          against = std::min(against, kLocalLimit * std::max(charts[map_.chart[i]].mean(), kDimPlace * level.mean()));
+        const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
+        if (against > 0.0)
+          size += std::pow(mean3(d * d) / (against * against), 1.0 / (1.0 + 2.0 * kSobolExponent)) / double(b.probes.size());
+      }
+      sizes.push_back(size);
+      all += b.points * size;
+      points += b.points;
+    }
+    // A few rays may have met nothing where much is to be met. Those that are hard take longer: the least spread for the time that it takes
+    // is had with the root.
+    for (std::size_t k = 0; k < blocks.size(); ++k)
+      sizes[k] = std::sqrt(blocks[k].points * (all > 0.0 ? sizes[k] * points / all + kUnseen : 1.0));
+    forProbes([&](std::size_t i, const MapCells::Block&) {
+      if (map_.rays[i] == 0) return;  // of two blocks
+      probes_.cast += 2.0 * kFirstRays;
+      probes_.nearCast += double(near_[i].rays);
+      for (std::size_t h = 0; h < 2; ++h) {
+        map_.bounced[h][i] = Rgb(0.0f);
+        map_.sky[h][i] = 0.0f;
+      }
+      map_.coarse[i] = Rgb(0.0f);
+      map_.near[i] = 0;
+      near_[i] = {};
+      map_.rays[i] = wanted_[i] = 0;
+    });
+    guides_ = TexelArray<Guide>(guides_.size());
+    cells_.sample(blocks, sizes, std::max(kLeastBlocks, options_.sampled * double(blocks.size())), map_.chart);
+  }
+
   /// Rays that tell how hard each neighbourhood is, and cells halved where light bends; the share of the work that this is.
   double pilot() {
     double done = 0.1;
@@ -300,16 +373,16 @@ class HemisphereBaker {
     TexelArray<float> spoken(map_.size()), influence(map_.size()), sum(map_.size());
     for (std::size_t i = 0; i < map_.size(); ++i)
       if (cells_.gathered(i)) {
-        spoken[i] = influence[i] = float(1.0 / cells_.sharedBy(i));
+        spoken[i] = influence[i] = float(cells_.standsFor(i));
         sum[i] = spoken[i] * float(mean3(direct(i) + illuminance(i)));
       }
     cells_.forInterpolated([&](std::size_t i, const MapCells::Corners& corners, const MapCells::Weights& weights) {
       const double d = mean3(direct(i));
       for (std::size_t k = 0; k < 4; ++k) {
-        const auto w = float(weights[k]);
-        spoken[corners[k]] += w;
-        influence[corners[k]] += w * w;
-        sum[corners[k]] += w * float(d + mean3(illuminance(corners[k])));
+        const auto w = float(weights[k]), own = float(cells_.standsFor(i));
+        spoken[corners[k]] += own * w;
+        influence[corners[k]] += own * w * w;
+        sum[corners[k]] += own * w * float(d + mean3(illuminance(corners[k])));
       }
     });
     pools_.clear();
@@ -332,7 +405,7 @@ class HemisphereBaker {
       Pool& p = pools_[it->second];
       poolOf_[i] = it->second;
       const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
-      const double own = 1.0 / cells_.sharedBy(i);
+      const double own = cells_.standsFor(i);
       p.points += own;
       p.texels += double(spoken[i]);
       p.rays += own * map_.rays[i];
@@ -436,13 +509,15 @@ class HemisphereBaker {
   double patchesOf(const Standing& s, double budget) const {
     if (!(s.texels > 0.0)) return 0.0;
     // A sample's drift is mostly noise, and that of coarser patches than the bake's.
-    const double field = options_.sampled < 1.0 ? kUsualField * budget : kFieldBound * kFieldShare * std::sqrt(s.field2 / s.texels);
+    const double field =
+        options_.sampled < 1.0 || early_ ? kUsualField * budget : kFieldBound * kFieldShare * std::sqrt(s.field2 / s.texels);
     return field + options_.tail * s.bounced / s.texels + options_.leftOut * mean_;
   }
   /// The noise that there may be beside what interpolation, patches and bounces left out take: they add up in the bound (design.md section
   /// 5) [lx].
   double noiseFor(const Standing& s, double budget) const {
-    return std::max((budget - s.between() - patchesOf(s, budget)) / noise95(s.points / options_.sampled), kLeastNoise * budget);
+    const double between = early_ ? std::min(s.between(), kUsualBetween * budget) : s.between();
+    return std::max((budget - between - patchesOf(s, budget)) / noise95(s.points), kLeastNoise * budget);
   }
 
   /// Rays that every corner needs for the goal, from what the first ones tell: a coarse goal asks for few.
@@ -473,14 +548,14 @@ class HemisphereBaker {
     constexpr double a = kSobolExponent;
     if (!(mean_ > 0.0)) return;
     const auto raysAt = [&](const Pool& p, double kappa) {
-      return std::clamp(kappa * std::pow(p.influence / p.points * p.variance1 / p.unit, 1.0 / (1.0 + 2.0 * a)), p.rays, double(kMostRays));
+      return std::clamp(kappa * std::pow(p.influence / p.points * p.variance1, 1.0 / (1.0 + 2.0 * a)), p.rays, double(kMostRays));
     };
     const auto solve = [&](std::span<const std::uint32_t> ids, double allowedVariance) {
       const auto noise = [&](double kappa) {
         double sum = 0.0, texels = 0.0;
         for (const std::uint32_t i : ids) {
           const Pool& p = pools_[i];
-          sum += p.influence * p.variance1 / p.unit * std::pow(raysAt(p, kappa), -2.0 * a);
+          sum += p.influence * p.variance1 * std::pow(raysAt(p, kappa), -2.0 * a);
           texels += pools_[i].texels;
         }
         return sum / texels;
@@ -516,29 +591,8 @@ class HemisphereBaker {
     };
     for (Pool& p : pools_) p.wanted = p.rays;
     give(all, solve(all, varianceFor(known.back(), kBudget * goal_ * mean_)));
-    // In a sample those with few pools know too little of their own noise: together, each in units of what it may have.
-    struct Limited {
-      std::span<const std::uint32_t> ids;
-      double allowedVariance;
-    };
-    const auto giveEach = [&](std::span<const Limited> groups) {
-      std::vector<std::uint32_t> together;
-      for (const auto& [ids, allowed] : groups) {
-        if (options_.sampled == 1.0 || ids.size() >= kFewPools) {
-          give(ids, solve(ids, allowed));
-          continue;
-        }
-        for (const std::uint32_t i : ids) pools_[i].unit = allowed;
-        together.insert(together.end(), ids.begin(), ids.end());
-      }
-      if (!together.empty()) give(together, solve(together, kTogether));
-      for (const std::uint32_t i : together) pools_[i].unit = 1.0;
-    };
-    std::vector<Limited> limited;
     for (std::size_t o = 0; o < byObject.size(); ++o)
-      if (!byObject[o].empty()) limited.push_back({byObject[o], varianceFor(known[o], kObjectBudget * budgetOf(o))});
-    giveEach(limited);
-    limited.clear();
+      if (!byObject[o].empty()) give(byObject[o], solve(byObject[o], varianceFor(known[o], kObjectBudget * budgetOf(o))));
     for (std::size_t c = 0; c < byChart.size(); ++c) {
       if (byChart[c].empty() || !large_[c]) continue;
       double own = 0.0, count = 0.0;
@@ -546,9 +600,8 @@ class HemisphereBaker {
         own += pools_[i].texels * pools_[i].illuminance;
         count += pools_[i].texels;
       }
-      limited.push_back({byChart[c], std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0)});
+      give(byChart[c], solve(byChart[c], std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0)));
     }
-    giveEach(limited);
     double wanted = 0.0, have = 0.0;
     for (const Pool& p : pools_) {
       wanted += p.points * p.wanted;
@@ -636,10 +689,12 @@ class HemisphereBaker {
     std::uint32_t rays = 0;
     Rgb light{0.0f};  // sum over rays of both halves
   };
-  TexelArray<Near> near_;  // one a texel of a sample, else none
+  TexelArray<Near> near_;      // one a texel of a sample, else none
+  HemisphereForecast probes_;  // what was cast before a sample was drawn
   std::vector<double> objectMean_, objectTexels_;
   std::vector<double> directNoise2_;  // of direct light: sum over the texels of each object [lx^2]
   double mean_ = 0.0;
+  bool early_ = true;        // no rays but the first ones are there
   std::uint32_t round_ = 0;  // of casts
   std::uint32_t pilotRays_ = kPilotRays;
 };

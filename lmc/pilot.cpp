@@ -23,20 +23,18 @@ constexpr double kManyAoRays = 96.0, kMostAoRays = 256.0, kAoShare = 0.02;  // a
 constexpr int kAoBlock = 4;
 // Bounds above what is measured: on every texel of the map by two places; and what coarse patches see of the sky and of bounces.
 constexpr double kDirectMargin = 1.1, kPatchMargin = 1.5;
-constexpr double kNearRays = 0.7;  // rays for each near hit: one, but for those below the surface there, and patches are smaller in corners
 
 // What a stage takes beside its rays [s], from bakes of the reference scenes. Rays are timed by the pilot itself.
-constexpr double kPilotTexel_s = 1.0e-6, kDirectTexel_s = 0.7e-6;     // of direct light: in the pilot, in the bake
-constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the gather, likewise
+constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the gather: in the pilot, in the bake
 constexpr double kManyRays = 0.92;                                    // a ray among many neighbours, against one of a sample
 constexpr double kAoTexel_s = 1.5e-6, kAoHard = 1.1;                  // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
-constexpr double kLeastRay_s = 0.02e-6, kLeastDirectRay_s = 0.15e-6;
+constexpr double kLeastRay_s = 0.02e-6;
 // Against the pilot's patches: how many the bake makes at a goal of 2 %, and how often it does to them what the pilot does once.
 constexpr double kFinerPatches = 3.5, kMeshAgain = 3.0, kLightAgain = 3.0;
 // Spread of what comes out of these, beside what sampling leaves: standard deviations of the logarithm.
 constexpr double kFewBlocks = 1.4;
-constexpr double kDirectSpread = 0.2, kPatchSpread = 0.3, kGatherSpread = 0.2, kAoSpread = 0.2, kSeamSpread = 0.5;
+constexpr double kDirectSpread = 0.2, kPatchSpread = 0.3, kGatherSpread = 0.25, kAoSpread = 0.2, kSeamSpread = 0.5;
 
 class Clock {
  public:
@@ -116,13 +114,8 @@ class PilotRun {
     const DirectLight direct(b_.scene, *b_.tracer, b_.plan.runs(Effect::Shadow));
     const MapOptions options{b_.options.goal};
     Clock clock;
-    const double shadowRays = rays(Purpose::Shadow) + rays(Purpose::Emitter);
     const DirectPilot seen = pilotDirect(b_.map, b_.scene, *b_.texels, direct, options, quiet_);
-    const double cast = rays(Purpose::Shadow) + rays(Purpose::Emitter) - shadowRays;
-    if (cast > 0.0) {
-      const double ray_s = std::max(kLeastDirectRay_s, (clock.lap() - kPilotTexel_s * all_) / cast);
-      out_.direct = forecast(seen.rays, kDirectTexel_s * all_ + ray_s * seen.rays, kDirectSpread);
-    }
+    if (seen.rays > 0.0) out_.direct = forecast(seen.rays, std::max(kLeastRay_s, seen.ray_s) * seen.rays, kDirectSpread);
     const bool bounce = b_.plan.runs(Effect::Bounce), sky = b_.plan.runs(Effect::Sky);
     TexelArray<Rgb> mean(bounce || sky ? b_.map.size() : 0);
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (b_.map.direct[0][i] + b_.map.direct[1][i]);
@@ -225,20 +218,22 @@ class PilotRun {
     options.interpolate = b_.options.interpolate;
     options.rays = b_.options.gatherRays;
     options.sampled = std::min(0.999, std::clamp(kSampled * all_, kLeastTexels, kMostTexels) / all_);
-    // Near hits are read from the patches, which are about as large as the bake's.
-    const Gather gather(b_.scene, *b_.tracer, direct, field, false, b_.run.seed);
+    // What is near a patch of the bake's.
+    const auto nearSizes = float(std::sqrt(kSquares / squaresFor(b_.options.goal)));
+    const Gather gather(b_.scene, *b_.tracer, direct, field, b_.plan.runs(Effect::Near), b_.run.seed, nearSizes);
     Clock clock;
     double cells_s = 0.0;
-    const double cellsBefore = rays(Purpose::Cells);
+    const double cellsBefore = rays(Purpose::Cells), nearBefore = nearRays();
     const HemisphereForecast told = foretellHemisphere(
         b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, quiet_);
     std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
     const auto size = double(b_.map.size());
     const double rays_s = clock.lap();
-    const double ray_s = kManyRays * std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast));
+    const double nearCast = nearRays() - nearBefore;
+    const double ray_s = kManyRays * std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast + nearCast));
     // Few blocks know little of their own spread.
     const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0);
-    const double all = told.rays + (b_.plan.runs(Effect::Near) ? kNearRays * told.near : 0.0);
+    const double all = told.rays + told.near * nearCast / std::max(1.0, told.nearCast);
     out_.gather = forecast(rays(Purpose::Cells) - cellsBefore + all, cells_s + kGatherTexels_s * size + ray_s * all, spread);
     const std::size_t objects = texels_.size();
     ByObject near(objects);
@@ -322,6 +317,8 @@ class PilotRun {
     }
   }
 
+  /// Rays of near hits: on from there, and to the lamps.
+  double nearRays() const { return rays(Purpose::Near) + rays(Purpose::Shadow) + rays(Purpose::Emitter); }
   double rays(Purpose p) const { return double(b_.tracer->rays(p)); }
   static double mean3(const Rgb& c) { return (double(c.r) + double(c.g) + double(c.b)) / 3.0; }
 

@@ -1,6 +1,8 @@
 /// What a sample of a map's cells foretells of its hemisphere rays.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "libradiosity/light_map.h"
 #include "tests/support/scenes.h"
 
@@ -13,8 +15,9 @@ struct Told {
 };
 
 /// Sky rays of a map: foretold from a share of its cells, and cast.
-Told rays(const Scene& scene, int side, double share) {
-  const Run run;
+Told rays(const Scene& scene, int side, double share, std::uint64_t seed) {
+  Run run;
+  run.seed = seed;
   const Charts charts = findCharts(scene, side, run);
   const TexelMap texels(scene, charts, side);
   const Tracer tracer(scene);
@@ -47,11 +50,17 @@ TEST(Foretell, AFewTexelsOfADarkObjectDoNotSpeakForAllOfIt) {
       s.quad({3.0f * float(i) - 18, 0.4f, 3.0f * float(j) - 18}, down ? x : z, down ? z : x, grey);
     }
   s.scene.sky = Rgb(1.0f);
-  const Told told = rays(s.scene, 512, 0.08);
-  EXPECT_GT(told.forecast.rays, 0.7 * told.came);
-  // Limits of objects are taken together at half of what they are, and patches are thought to take an eighth: twice the rays where objects
-  // are all alike and nothing bounces. Each for itself would be eight times.
-  EXPECT_LT(told.forecast.rays, 3.0 * told.came);
+  // Few of the dark boards are in a sample, and one tells as many rays as another does not: right in the mean, and by a factor of two and a
+  // half in a single forecast. What each board asked for by itself was eight times too much.
+  std::vector<double> ratios;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const Told told = rays(s.scene, 512, 0.08, seed);
+    ratios.push_back(told.forecast.rays / told.came);
+    EXPECT_GT(told.forecast.standardError, 0.15 * told.forecast.rays);
+  }
+  std::ranges::sort(ratios);
+  EXPECT_GT(ratios[2], 0.6);
+  EXPECT_LT(ratios[2], 1.6);
 }
 
 }  // namespace

@@ -216,18 +216,46 @@ TEST(MapCells, ASampleStandsForTheWholeMap) {
     count += 1.0;
     sum += value(i);
   }
+  const std::vector<MapCells::Block> blocks = m.cells.blocks(3);
+  std::vector<double> sizes;
+  for (const MapCells::Block& b : blocks) {
+    EXPECT_FALSE(b.probes.empty());
+    for (const std::size_t i : b.probes) EXPECT_TRUE(m.cells.gathered(i));
+    sizes.push_back(b.points * value(b.probes[0]));
+  }
   std::vector<std::uint32_t> chart(m.map.chart.begin(), m.map.chart.end());
-  m.cells.sample(0.2, chart);
+  m.cells.sample(blocks, sizes, 0.2 * double(blocks.size()), chart);
+  double standsFor = 0.0;
   for (std::size_t i = 0; i < whole.size(); ++i) {
     EXPECT_TRUE(chart[i] == kNone || chart[i] == m.map.chart[i]) << i;
-    if (m.cells.gathered(i)) EXPECT_TRUE(whole[i] && chart[i] != kNone) << i;
+    if (!m.cells.gathered(i)) continue;
+    EXPECT_TRUE(whole[i] && chart[i] != kNone) << i;
+    standsFor += m.cells.standsFor(i);
   }
   EXPECT_LT(double(m.gathered()), 0.5 * count);
-  // Points are known by number, so that their estimate is no estimate; another sum is met as the blocks differ.
+  // Points are known by number, so that their estimate is no estimate; another sum is met as the blocks differ. Weights are floats.
+  EXPECT_NEAR(standsFor, count, 1e-5 * count);
   EXPECT_NEAR(m.cells.estimate([](std::size_t) { return 1.0; }).sum, count, 1e-9 * count);
   const MapCells::Estimate e = m.cells.estimate(value);
   EXPECT_GT(e.standardError, 0.0);
   EXPECT_NEAR(e.sum, sum, 4.0 * e.standardError);
+}
+
+TEST(MapCells, ASampleOfAllBlocksIsTheMap) {
+  Map m(ofAllShapes(), 512);
+  std::vector<std::uint8_t> whole(m.map.size());
+  for (std::size_t i = 0; i < whole.size(); ++i) whole[i] = m.cells.gathered(i);
+  const std::vector<MapCells::Block> blocks = m.cells.blocks(3);
+  std::vector<std::uint32_t> chart(m.map.chart.begin(), m.map.chart.end());
+  std::vector<double> sizes(blocks.size(), 1.0);
+  sizes[0] = 7.0;
+  m.cells.sample(blocks, sizes, 2.0 * double(blocks.size()), chart);
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    EXPECT_EQ(chart[i], m.map.chart[i]) << i;
+    EXPECT_EQ(m.cells.gathered(i), whole[i] != 0) << i;
+    // Cells share their edges: a point there that counted for one of them alone would leave half of it out.
+    if (whole[i]) EXPECT_NEAR(m.cells.standsFor(i), 1.0, 1e-6) << i;
+  }
 }
 
 TEST(MapCells, RectangularChartsStartWithoutLooseBorders) {
