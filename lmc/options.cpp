@@ -3,56 +3,14 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "lmc/help.h"
-#include "lmc/memory.h"
+#include "lmc/option_values.h"
 
 namespace lmc {
 
 namespace {
-
-/// A whole text as a number, whatever the locale.
-std::optional<double> number(std::string_view text) {
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
-  return value;
-}
-
-std::vector<double> numbers(const std::string& text, std::size_t count, const char* option, const char* form) {
-  std::vector<double> out;
-  std::size_t at = 0;
-  for (;;) {
-    const std::size_t comma = text.find(',', at);
-    const auto value = number(std::string_view(text).substr(at, comma == std::string::npos ? comma : comma - at));
-    if (!value) throw CLI::ValidationError(option, fmt::format("'{}' is not {}", text, form));
-    out.push_back(*value);
-    if (comma == std::string::npos) break;
-    at = comma + 1;
-  }
-  if (out.size() != count) throw CLI::ValidationError(option, fmt::format("'{}' is not {}", text, form));
-  return out;
-}
-
-/// "2%" or "0.02".
-double shareOf(const std::string& text, const char* option) {
-  const bool percent = !text.empty() && text.back() == '%';
-  const auto value = number(percent ? std::string_view(text).substr(0, text.size() - 1) : std::string_view(text));
-  if (!value || !(*value > 0.0)) throw CLI::ValidationError(option, fmt::format("'{}' is not an error such as 2% or 0.02", text));
-  return percent ? *value / 100.0 : *value;
-}
-
-/// "90", "90s", "2m" or "1h".
-double secondsOf(const std::string& text) {
-  const std::string_view units = "smh";
-  const std::size_t unit = text.empty() ? std::string_view::npos : units.find(text.back());
-  const auto value = number(unit == std::string_view::npos ? std::string_view(text) : std::string_view(text).substr(0, text.size() - 1));
-  if (!value || !(*value > 0.0)) throw CLI::ValidationError("--time", fmt::format("'{}' is not a time such as 90s or 2m", text));
-  return *value * (unit == 2 ? 3600.0 : unit == 1 ? 60.0 : 1.0);
-}
 
 const std::map<std::string, ProgressKind> kProgress{{"auto", ProgressKind::Auto},
                                                     {"bar", ProgressKind::Bar},
@@ -65,24 +23,6 @@ const std::map<std::string, Solver> kSolvers{{"auto", Solver::Auto},
                                              {"hierarchical", Solver::Hierarchical},
                                              {"dense", Solver::Dense},
                                              {"shooting", Solver::Shooting}};
-
-PartitionOptions partitionOf(const std::string& text) {
-  PartitionOptions out;
-  if (text == "auto") return out;
-  out.automatic = false;
-  out.on.fill(text == "all");
-  if (text == "all" || text == "none") return out;
-  for (std::size_t at = 0;;) {
-    const std::size_t comma = text.find(',', at);
-    const std::string name = text.substr(at, comma == std::string::npos ? comma : comma - at);
-    const auto rule = std::ranges::find(kRuleNames, name);
-    if (rule == kRuleNames.end())
-      throw CLI::ValidationError("--partition", "'" + name + "' is not auto, all, none or one of facing, cells, empty, blocked");
-    out.on[std::size_t(rule - kRuleNames.begin())] = true;
-    if (comma == std::string::npos) return out;
-    at = comma + 1;
-  }
-}
 
 const std::map<std::string, UvMode> kUvModes{{"keep", UvMode::Keep}, {"repair", UvMode::Repair}, {"new", UvMode::New}};
 
@@ -193,14 +133,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
                   "-colour,-alpha); lmc plan tells of each")
       ->type_name("LIST");
   app->add_option_function<std::string>(
-         "--passes",
-         [&o](const std::string& t) {
-           const auto n = number(t);
-           if (t != "auto" && (!n || *n < 1 || *n > 1e6 || *n != std::floor(*n)))
-             throw CLI::ValidationError("--passes", "'" + t + "' is neither auto nor a whole number of 1 or more");
-           o.passes = n ? int(*n) : 0;
-         },
-         "bounces: auto (until what is left is negligible) or a number")
+         "--passes", [&o](const std::string& t) { o.passes = passesOf(t); }, "bounces: auto (until what is left is negligible) or a number")
       ->type_name("N");
   app->add_option_function<std::string>(
          "--bounce-tail", [&o](const std::string& t) { o.bounceTail = shareOf(t, "--bounce-tail"); },
@@ -208,19 +141,7 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->type_name("SHARE");
   addUvOptions(app, o.uv);
   app->add_option_function<std::string>(
-         "--sky",
-         [&o](const std::string& t) {
-           if (t == "scene")
-             o.sky.reset();
-           else if (t == "none")
-             o.sky = Rgb(0.0f);
-           else {
-             const auto v = numbers(t, 3, "--sky", "none, scene or a radiance R,G,B");
-             if (v[0] < 0 || v[1] < 0 || v[2] < 0) throw CLI::ValidationError("--sky", "a radiance cannot be negative");
-             o.sky = Rgb(float(v[0]), float(v[1]), float(v[2]));
-           }
-         },
-         "none, scene (default) or a constant radiance R,G,B [cd/m^2]")
+         "--sky", [&o](const std::string& t) { o.sky = skyOf(t); }, "none, scene (default) or a constant radiance R,G,B [cd/m^2]")
       ->type_name("SKY");
   app->add_option_function<std::string>(
          "--solver", [&o](const std::string& t) { o.solver = kSolvers.at(t); },
@@ -473,20 +394,7 @@ void addStudy(CLI::App* app, StudyOptions& o, std::string& ladder) {
 
 StudyOptions settled(StudyOptions o, const std::string& ladder) {
   const bool shares = o.vary == Vary::Error || o.vary == Vary::Ao, counts = o.vary == Vary::Rays || o.vary == Vary::Passes;
-  for (std::size_t at = 0; !ladder.empty();) {
-    const std::size_t comma = ladder.find(',', at);
-    std::string text = ladder.substr(at, comma == std::string::npos ? comma : comma - at);
-    if (shares && !text.empty() && text.back() == '%') text.pop_back();
-    const auto value = number(text);
-    if (!value || !(*value > 0.0) || (shares && *value > 100.0) || (counts && (*value != std::floor(*value) || *value > 16384.0)))
-      throw Error(Exit::Usage, "lmc", "", fmt::format("--ladder: '{}' is no rung", text));
-    o.ladder.push_back(shares ? *value / 100.0 : *value);
-    if (comma == std::string::npos) break;
-    at = comma + 1;
-  }
-  for (std::size_t k = 1; k < o.ladder.size(); ++k)
-    if (counts ? o.ladder[k] <= o.ladder[k - 1] : o.ladder[k] >= o.ladder[k - 1])
-      throw Error(Exit::Usage, "lmc", "", "--ladder goes from coarse to fine, no rung twice");
+  o.ladder = ladderOf(ladder, shares, counts);
   if (!o.reference.empty() && o.makeReference) throw Error(Exit::Usage, "lmc", "", "--reference or --make-reference, not both");
   if (o.vary == Vary::Ao && o.makeReference && std::isfinite(o.bake.ao.how.distance_m))
     throw Error(Exit::Usage, "lmc", "", "--make-reference of openness knows no --ao-distance");
@@ -512,29 +420,13 @@ void addBake(CLI::App* app, BakeOptions& o) {
       ->check(CLI::IsMember({"patches", "seams"}))
       ->type_name("WHAT");
   app->add_option_function<std::string>(
-         "--memory",
-         [&o](const std::string& t) {
-           const auto bytes = bytesOf(t);
-           if (!bytes) throw CLI::ValidationError("--memory", "'" + t + "' is not a size such as 512M or 2G");
-           o.memory_bytes = *bytes;
-         },
+         "--memory", [&o](const std::string& t) { o.memory_bytes = memoryOf(t); },
          "what the process may hold, within 10 %, such as 512M or 2G [default: 960M, or 256M beside a level that takes more]: what lmc "
          "keeps a texel then lies in files in OUT; never changes a result; exit code 8, before the work, where less than the least")
       ->type_name("SIZE")
       ->group(kBakeLimits);
   app->add_option_function<std::string>(
-         "--explain",
-         [&o](const std::string& t) {
-           const std::size_t count = std::ranges::count(t, ',') == 2 ? 3 : 2;
-           const auto v = numbers(t, count, "--explain", "a texel X,Y or X,Y,MAP");
-           std::array<int, 3> texel{0, 0, 0};
-           for (std::size_t i = 0; i < count; ++i) {
-             if (v[i] < 0 || v[i] > 1e6 || v[i] != std::floor(v[i]))
-               throw CLI::ValidationError("--explain", "'" + t + "' is no texel X,Y or X,Y,MAP");
-             texel[i] = int(v[i]);
-           }
-           o.explain = texel;
-         },
+         "--explain", [&o](const std::string& t) { o.explain = texelOf(t); },
          "also say which lights, surfaces and sky made a texel, and what stands in their way (row 0 is the top)")
       ->type_name("X,Y[,MAP]");
   app->add_option_function<std::string>(
@@ -737,7 +629,7 @@ Command parseCommandLine(int argc, const char* const* argv) {
     std::string what = e.what();
     for (char& c : what)
       if (c == '\n') c = ' ';
-    throw Error(Exit::Usage, "lmc", "", what + " (lmc --help, lmc VERB --help)");
+    throw Error(Exit::Usage, "lmc", "", what + kSeeHelp);
   }
   for (const BakeOptions* o : {&bake, &plan.bake, &study.bake})
     if (o->solver != Solver::Auto && o->solver != Solver::Shooting && (o->passes > 0 || o->snapshot))
