@@ -155,6 +155,7 @@ Plan makePlan(const PlanRequest& request, const Facts& facts) {
     // Asked for what the level has not: it would be simulated and give nothing, so the reason stays and the work is not done.
     if (*w && !step.possible) continue;
     step.run = *w;
+    step.asked = true;
     step.because = "--effects " + effects;
   }
   leaveOutManners(plan, request.countedBounces);

@@ -16,6 +16,7 @@ struct Step {
   bool run;
   std::string because;
   bool possible = true;  ///< it would do something if it were asked for
+  bool asked = false;    ///< it runs, or does not, because a user said so
   bool tooWeak = false;  ///< left out for its bound: that is part of the stated error
   Contribution light{};  ///< of the pilot
 };
@@ -26,6 +27,12 @@ struct Plan {
   bool runs(Effect e) const {
     for (const Step& s : steps)
       if (s.effect == e) return s.run;
+    return false;
+  }
+  /// Whether its light belongs to the map: it runs, or was left out because it gives nothing, or too little. What checks a map has it.
+  bool isMeant(Effect e) const {
+    for (const Step& s : steps)
+      if (s.effect == e) return s.run || !s.asked;
     return false;
   }
   /// Whether anything is simulated.

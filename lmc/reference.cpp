@@ -65,9 +65,8 @@ class ReferenceMaker {
     }
     charts(b_);
     b_.tracer = std::make_unique<Tracer>(b_.scene);
-    PathOptions paths;
-    paths.shadows = b_.plan.runs(Effect::Shadow);
-    paths.bounces = wish_.openness || !b_.plan.runs(Effect::Bounce) ? 0 : b_.options.passes > 0 ? b_.options.passes : -1;
+    PathOptions paths = pathsFor(b_);
+    if (wish_.openness) paths.bounces = 0;
     const PathTracer tracing(b_.scene, *b_.tracer, paths);
     if (!resume()) begin(tracing);
     while (!enough()) {

@@ -521,6 +521,13 @@ void finish(Bake& b) {
                           100.0 * b.ledger.noise, 100.0 * b.ledger.field, 100.0 * b.ledger.tail, 100.0 * b.ledger.bound95);
 }
 
+PathOptions pathsFor(const Bake& b) {
+  PathOptions out;
+  out.shadows = b.plan.isMeant(Effect::Shadow);
+  out.bounces = !b.plan.isMeant(Effect::Bounce) ? 0 : b.options.passes > 0 ? b.options.passes : -1;
+  return out;
+}
+
 void checkByPaths(Bake& b) {
   const BakeOptions& o = b.options;
   if (!b.tracer || o.audit == Audit::Off || (o.audit == Audit::Auto && o.goal >= kAuditGoal)) {
@@ -529,8 +536,7 @@ void checkByPaths(Bake& b) {
   }
   AuditOptions options;
   options.rays = std::uint64_t(kAuditShare * double(b.tracer->rays()));
-  options.paths.shadows = b.plan.runs(Effect::Shadow);
-  options.paths.bounces = !b.plan.runs(Effect::Bounce) ? 0 : o.passes > 0 ? o.passes : -1;
+  options.paths = pathsFor(b);
   b.audit = audit(b.map, b.values, b.scene, *b.texels, *b.tracer, b.stated, options, b.ledger, b.run);
   if (b.audit.drawn == 0) {
     b.summary = "nothing to check, or too few rays for it";

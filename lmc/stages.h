@@ -91,6 +91,8 @@ void solve(Bake&);
 void hemisphere(Bake&);
 void finish(Bake&);
 void checkByPaths(Bake&);
+/// What paths that check a map follow: all light that belongs to it, whether or not the plan left it out.
+PathOptions pathsFor(const Bake&);
 void occlude(Bake&);
 void seams(Bake&);
 
