@@ -138,6 +138,7 @@ struct HemisphereForecast {
   double rays = 0.0, standardError = 0.0;
   double near = 0.0;                  ///< of them, those that meet something near
   double cast = 0.0, nearCast = 0.0;  ///< on the sample, and of them
+  double cast_s = 0.0;                ///< what these and the rays of near hits took [CPU s]
   /// Of the light that comes from what is near: mean over texels of the largest channel, and of its square [lx, lx^2].
   struct NearLight {
     double texels = 0.0, mean = 0.0, mean2 = 0.0;

@@ -18,7 +18,6 @@ constexpr float kFeelerHeight = 0.25f;  // above the surface, in texels
 // and y when they were middles: (rx t(1-t) + ry s(1-s))^2 has mean rx^2/30 + ry^2/30 + rx ry/18, at most 0.061 (rx^2 + ry^2) where light is
 // twice differentiable; a third more for where it is not quite.
 constexpr double kErrorOfBend = 1.0 / 12.0;
-constexpr double kSteep = 0.35;  // change from end to end, as a share of the larger, from which one halving that looks straight does not do
 constexpr double kNextHalving = 1.0 / 16.0;  // of a bend's square, where light is twice differentiable
 
 constexpr int kSampledBlock = 8;  // texels
@@ -417,10 +416,10 @@ std::size_t MapCells::refine(const ValueAt& at, const ToleranceAt& tolerance) {
   forLeaves(at, [&](std::uint32_t id, std::uint32_t, const Bend& x, const Bend& y) {
     const Cell& c = cells_[id];
     if (c.x1 - c.x0 < 2 && c.y1 - c.y0 < 2) return;
-    Tolerance allowed{1e300, 1e300};
+    Tolerance allowed{1e300, 1e300, 1e300};
     for (const std::size_t i : {index(c.x0, c.y0), index(c.x1, c.y0), index(c.x0, c.y1), index(c.x1, c.y1)}) {
       const Tolerance t = tolerance(i);
-      allowed = {std::min(allowed.error, t.error), std::min(allowed.significance, t.significance)};
+      allowed = {std::min(allowed.error, t.error), std::min(allowed.significance, t.significance), std::min(allowed.steep, t.steep)};
     }
     // A shadow's edge in the very middle of a cell looks straight.
     const auto steep = [&](bool alongY) {
@@ -433,7 +432,7 @@ std::size_t MapCells::refine(const ValueAt& at, const ToleranceAt& tolerance) {
         most = std::max({most, mean3(from.illuminance), mean3(to.illuminance)});
         noise += 0.5 * (from.variance + to.variance);
       }
-      return change2 - noise > kSteep * kSteep * most * most && change2 - noise > allowed.significance * noise;
+      return change2 - noise > allowed.steep * allowed.steep * most * most && change2 - noise > allowed.significance * noise;
     };
     const auto bends = [&](const Bend& b, int extent, bool alongY) {
       if (extent < 2) return false;

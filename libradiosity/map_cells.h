@@ -36,6 +36,7 @@ class MapCells {
   struct Tolerance {
     double error = 0.0;         ///< between gathered texels [lx]
     double significance = 3.0;  ///< how often the noise's own part a bend must be, to be one
+    double steep = 0.35;        ///< change from end to end, of the larger one, from which one halving that looks straight does not do
   };
   using ToleranceAt = std::function<Tolerance(std::size_t texel)>;
 

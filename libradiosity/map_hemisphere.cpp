@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
 #include <unordered_map>
@@ -33,7 +34,10 @@ constexpr double kInterpolationShare = 0.2;  // of an error allowed, for what li
 // between few their noise is smoothed.
 constexpr double kStepShare = 0.6;
 constexpr double kSignificant = 3.0, kDoubtful = 1.0;  // bends against noise: mostly; where an object's share for interpolation is used up
-constexpr double kLargeInterpolation = 0.25;           // of an object's budget
+// Where light changes by so much from end to end of a cell, that its middle lies between them proves little: towards a corner it rises and
+// falls. What so hides goes with the change, and what may be overlooked with the goal.
+constexpr double kSteep = 0.35, kLeastSteep = 0.15, kSteepOfGoal = 10.0;
+constexpr double kLargeInterpolation = 0.25;  // of an object's budget
 constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
 constexpr double kDimPlace = 0.03;
 constexpr double kLargeChart = 0.01;   // of the level's texels
@@ -144,6 +148,7 @@ class HemisphereBaker {
   /// What the map would have got, when this one is a sample of it.
   HemisphereForecast forecast() const {
     HemisphereForecast out = probes_;
+    out.cast_s = 1e-9 * double(spent_ns_.load());
     const auto rays = cells_.estimate([this](std::size_t i) { return 2.0 * map_.rays[i]; });
     const double excess = 1.0 + kAskedByFew / rays.blocks;
     out.rays = rays.sum / excess;
@@ -319,6 +324,7 @@ class HemisphereBaker {
       DirectLight::Tally cast(gather_.direct());
       Journaled kept(run_, tracer_, {Loop::Hemisphere, round_, std::uint32_t(t)}, [&](auto& a) { keep(asked, cast.rays, a); });
       if (kept.taken()) return gather_.direct().countAsCast(cast.rays);
+      const double before_s = threadSeconds();
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
@@ -341,6 +347,7 @@ class HemisphereBaker {
         }
         map_.rays[i] = end;
       }
+      spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
       kept.put();
     });
     ++round_;
@@ -452,7 +459,7 @@ class HemisphereBaker {
       const Pool& p = pools_[poolOf_[i]];
       return MapCells::Tolerance{
           share * std::min({goal_ * mean_, budgetOf(p.object), kLocalLimit * goal_ * std::max(p.illuminance, kDimPlace * mean_)}),
-          significance[p.object]};
+          significance[p.object], std::clamp(kSteepOfGoal * goal_, kLeastSteep, kSteep)};
     });
     wish(options_.rays > 0 ? options_.rays : std::min(kSecondPilot, pilotRays_));
     if (added > 0 && options_.rays == 0) wishAsBeside();
@@ -694,8 +701,9 @@ class HemisphereBaker {
   std::vector<double> objectMean_, objectTexels_;
   std::vector<double> directNoise2_;  // of direct light: sum over the texels of each object [lx^2]
   double mean_ = 0.0;
-  bool early_ = true;        // no rays but the first ones are there
-  std::uint32_t round_ = 0;  // of casts
+  bool early_ = true;                        // no rays but the first ones are there
+  std::uint32_t round_ = 0;                  // of casts
+  std::atomic<std::uint64_t> spent_ns_ = 0;  // in casts, by all threads
   std::uint32_t pilotRays_ = kPilotRays;
 };
 

@@ -58,7 +58,7 @@ struct Pilot {
   double openShare = 0.0;   ///< of rays from surfaces, those that leave the level
   double meanAlbedo = 0.0;  ///< by area
   int bounces = 0;          ///< passes until what is left is negligible
-  Forecast direct, patches, solve, gather, occlude, seams, rest;
+  Forecast direct, patches, solve, gather, audit, occlude, seams, rest;
   double rays = 0.0, cpu_s = 0.0;  ///< spent on it
 };
 

@@ -17,6 +17,13 @@ constexpr double kPilotTail = 0.01;
 constexpr std::uint32_t kStream = 4;  // of random numbers: apart from those of the bake
 // Of the map's cells that get hemisphere rays: this share, but texels enough to tell, and no more than that takes.
 constexpr double kSampled = 0.08, kLeastTexels = 7500.0, kMostTexels = 30000.0;
+// A finer goal is foretold from this one: its own rounds would take as much of the bake again as they do at this.
+constexpr double kSampledGoal = 0.02;
+// Rays go with goal^-1.9 (measured, 1.6 to 2.3): noise alone with -1.43, and points are more. Their time goes with -1.55 (1.0 to 2.0), for
+// what a point takes beside is shared by more.
+constexpr double kFinerRays = 1.9, kFinerTime = 1.55;
+constexpr double kPathRay = 0.6;        // what a ray of the audit takes, against one of the gather
+constexpr double kFinerSpread = 0.2;    // of that for half the goal, in the logarithm
 constexpr std::size_t kAoBlocks = 250;  // of kAoBlock x kAoBlock texels, for rays of ambient occlusion
 constexpr std::uint32_t kFewAoRays = 32;
 constexpr double kManyAoRays = 96.0, kMostAoRays = 256.0, kAoShare = 0.02;  // a texel of these, to learn what a ray takes: 2 % of the work
@@ -25,9 +32,9 @@ constexpr int kAoBlock = 4;
 constexpr double kDirectMargin = 1.1, kPatchMargin = 1.5;
 
 // What a stage takes beside its rays [s], from bakes of the reference scenes. Rays are timed by the pilot itself.
-constexpr double kGatherTexel_s = 0.15e-6, kGatherTexels_s = 0.4e-6;  // of the gather: in the pilot, in the bake
-constexpr double kManyRays = 0.92;                                    // a ray among many neighbours, against one of a sample
-constexpr double kAoTexel_s = 1.5e-6, kAoHard = 1.1;                  // rays of later rounds go where geometry is dense
+constexpr double kGatherTexel_s = 0.4e-6;             // of the gather
+constexpr double kManyRays = 0.92;                    // a ray among many neighbours, against one of a sample
+constexpr double kAoTexel_s = 1.5e-6, kAoHard = 1.1;  // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
 constexpr double kLeastRay_s = 0.02e-6;
 // Against the pilot's patches: how many the bake makes at a goal of 2 %, and how often it does to them what the pilot does once.
@@ -97,6 +104,11 @@ class PilotRun {
     const double cpuBefore = cpuSeconds();
     const bool lit = b_.plan.runs(Effect::Direct) || b_.plan.runs(Effect::Area) || b_.plan.runs(Effect::Sky);
     if (lit && all_ > 0.0) light();
+    if (isChecked(b_.options)) {
+      const double spent = double(b_.tracer->rays() - raysBefore);
+      const double rays = kAuditShare * (spent + out_.direct.rays + out_.patches.rays + out_.solve.rays + out_.gather.rays);
+      out_.audit = forecast(rays, kPathRay * gatherRay_s_ * rays, kGatherSpread);
+    }
     if (b_.plan.runs(Effect::Ao) || b_.plan.runs(Effect::Bent)) openness();
     if (b_.plan.runs(Effect::Seams)) out_.seams = forecast(0.0, kSeam_s * double(b_.seams.smooth.size()), kSeamSpread);
     out_.rest = forecast(0.0, kFinishTexel_s * double(b_.map.size()), kSeamSpread);
@@ -218,8 +230,10 @@ class PilotRun {
     options.interpolate = b_.options.interpolate;
     options.rays = b_.options.gatherRays;
     options.sampled = std::min(0.999, std::clamp(kSampled * all_, kLeastTexels, kMostTexels) / all_);
+    options.goal = std::max(options.goal, kSampledGoal);
+    const double finer = options.rays > 0 ? 1.0 : options.goal / b_.options.goal;
     // What is near a patch of the bake's.
-    const auto nearSizes = float(std::sqrt(kSquares / squaresFor(b_.options.goal)));
+    const auto nearSizes = float(std::sqrt(kSquares / squaresFor(options.goal)));
     const Gather gather(b_.scene, *b_.tracer, direct, field, b_.plan.runs(Effect::Near), b_.run.seed, nearSizes);
     Clock clock;
     double cells_s = 0.0;
@@ -228,13 +242,14 @@ class PilotRun {
         b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, quiet_);
     std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
     const auto size = double(b_.map.size());
-    const double rays_s = clock.lap();
     const double nearCast = nearRays() - nearBefore;
-    const double ray_s = kManyRays * std::max(kLeastRay_s, (rays_s - kGatherTexel_s * size) / std::max(1.0, told.cast + nearCast));
+    gatherRay_s_ = kManyRays * std::max(kLeastRay_s, told.cast_s / std::max(1.0, told.cast + nearCast));
     // Few blocks know little of their own spread.
-    const double spread = std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0);
+    const double spread =
+        std::hypot(kGatherSpread, told.rays > 0.0 ? kFewBlocks * told.standardError / told.rays : 0.0, kFinerSpread * std::log2(finer));
     const double all = told.rays + told.near * nearCast / std::max(1.0, told.nearCast);
-    out_.gather = forecast(rays(Purpose::Cells) - cellsBefore + all, cells_s + kGatherTexels_s * size + ray_s * all, spread);
+    out_.gather = forecast(rays(Purpose::Cells) - cellsBefore + std::pow(finer, kFinerRays) * all,
+                           cells_s + kGatherTexel_s * size + std::pow(finer, kFinerTime) * gatherRay_s_ * all, spread);
     const std::size_t objects = texels_.size();
     ByObject near(objects);
     for (std::size_t o = 0; o < objects; ++o) {
@@ -326,6 +341,7 @@ class PilotRun {
   Run quiet_;
   std::vector<double> texels_;  // of each object
   double all_ = 0.0;
+  double gatherRay_s_ = 0.0;
   Pilot out_;
 };
 

@@ -216,7 +216,7 @@ Cost costOf(Effect effect, const Plan& plan, const Pilot& pilot) {
 }
 
 Forecast forecastOf(const Plan& plan, const Pilot& pilot) {
-  Forecast all = pilot.rest;
+  Forecast all = sum({pilot.audit, pilot.rest});
   for (std::size_t i = 0; i < kEffects; ++i)
     if (const Cost c = costOf(Effect(i), plan, pilot); c.forecast) all = sum({all, *c.forecast});
   return all;

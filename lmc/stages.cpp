@@ -528,9 +528,10 @@ PathOptions pathsFor(const Bake& b) {
   return out;
 }
 
+bool isChecked(const BakeOptions& o) { return o.audit == Audit::On || (o.audit == Audit::Auto && o.goal < kAuditGoal); }
+
 void checkByPaths(Bake& b) {
-  const BakeOptions& o = b.options;
-  if (!b.tracer || o.audit == Audit::Off || (o.audit == Audit::Auto && o.goal >= kAuditGoal)) {
+  if (!b.tracer || !isChecked(b.options)) {
     b.summary = "left out";
     return;
   }

@@ -91,6 +91,7 @@ void solve(Bake&);
 void hemisphere(Bake&);
 void finish(Bake&);
 void checkByPaths(Bake&);
+bool isChecked(const BakeOptions&);
 /// What paths that check a map follow: all light that belongs to it, whether or not the plan left it out.
 PathOptions pathsFor(const Bake&);
 void occlude(Bake&);

@@ -71,6 +71,27 @@ TEST(Plan, EffectsCanBeListedOrChanged) {
   EXPECT_THROW(makePlan({""}, room()), Error);
 }
 
+TEST(Plan, WhatLmcLeavesOutBelongsToTheMapYet) {
+  // What checks a map has all its light, but for what a user took away.
+  Facts f = room();
+  EXPECT_TRUE(makePlan({"auto"}, f).isMeant(Effect::Bounce));
+  EXPECT_FALSE(makePlan({"-bounce"}, f).isMeant(Effect::Bounce));
+  EXPECT_FALSE(makePlan({"direct"}, f).isMeant(Effect::Shadow));
+  f.blockers = 0;
+  const Plan p = makePlan({"auto"}, f);
+  EXPECT_FALSE(p.runs(Effect::Shadow));
+  EXPECT_TRUE(p.isMeant(Effect::Shadow));
+  f = room();
+  Pilot pilot;
+  Contribution& little = pilot.effects[std::size_t(Effect::Bounce)];
+  little.known = true;
+  little.bound = little.object = 1e-4;
+  f.pilot = pilot;
+  const Plan weak = makePlan({"auto"}, f);
+  EXPECT_FALSE(weak.runs(Effect::Bounce));
+  EXPECT_TRUE(weak.isMeant(Effect::Bounce));
+}
+
 TEST(Plan, MannersFollowWhatRunsAndTheLevel) {
   Facts f = room();
   f.grey = false;
