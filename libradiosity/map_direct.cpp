@@ -481,6 +481,35 @@ void keep(LightMap& map, const TexelTile& tile, std::vector<std::uint64_t>& rays
     }
 }
 
+/// What a ray of the bake takes [CPU s], all that goes with it included: some of the fullest tiles as bakeDirect does them. 0 where they
+/// get no light.
+double timeRays(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
+                const Run& run) {
+  if (!direct.any()) return 0.0;
+  std::vector<std::uint32_t> covered(texels.tileCount(), 0);
+  for (std::size_t i = 0; i < map.size(); ++i) {
+    if (map.chart[i] == kNone) continue;
+    const std::size_t x = i % std::size_t(map.width), y = i / std::size_t(map.width);
+    ++covered[y / kTile * std::size_t(texels.tilesX()) + x / kTile];
+  }
+  const std::uint32_t most = std::ranges::max(covered);
+  std::vector<std::size_t> full;
+  for (std::size_t t = 0; t < covered.size(); ++t)
+    if (2 * covered[t] > most) full.push_back(t);
+  if (full.empty()) return 0.0;
+  const std::size_t count = std::min(full.size(), std::max(kLeastTimed, texels.tileCount() / kTimedTiles));
+  std::vector<double> taken_s(count);
+  const auto rays = [&] { return double(direct.tracer().rays(Purpose::Shadow) + direct.tracer().rays(Purpose::Emitter)); };
+  const double before = rays();
+  parallelFor(run, count, 1, [&](std::size_t k) {
+    const double before_s = threadSeconds();
+    const auto held = texels.held(full[(2 * k + 1) * full.size() / (2 * count)]);
+    TileDirect(map, scene, *held, direct, options, kPilotPlaces, run.seed).bake();
+    taken_s[k] = threadSeconds() - before_s;
+  });
+  return std::accumulate(taken_s.begin(), taken_s.end(), 0.0) / std::max(1.0, rays() - before);
+}
+
 }  // namespace
 
 void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
@@ -496,33 +525,6 @@ void bakeDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const
     TileDirect(map, scene, tile, direct, options, kPilotPlaces, run.seed).bake();
     kept.put();
   });
-}
-
-/// What a ray of the bake takes [CPU s], all that goes with it included: some of the fullest tiles as bakeDirect does them. 0 where they
-/// get no light.
-static double timeRays(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
-                       const Run& run) {
-  std::vector<std::uint32_t> covered(texels.tileCount(), 0);
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    if (map.chart[i] == kNone) continue;
-    const std::size_t x = i % std::size_t(map.width), y = i / std::size_t(map.width);
-    ++covered[y / kTile * std::size_t(texels.tilesX()) + x / kTile];
-  }
-  std::vector<std::size_t> full;
-  for (std::size_t t = 0; t < covered.size(); ++t)
-    if (2 * covered[t] > std::ranges::max(covered)) full.push_back(t);
-  if (full.empty()) return 0.0;
-  const std::size_t count = std::min(full.size(), std::max(kLeastTimed, texels.tileCount() / kTimedTiles));
-  std::vector<double> taken_s(count);
-  const auto rays = [&] { return double(direct.tracer().rays(Purpose::Shadow) + direct.tracer().rays(Purpose::Emitter)); };
-  const double before = rays();
-  parallelFor(run, count, 1, [&](std::size_t k) {
-    const double before_s = threadSeconds();
-    const auto held = texels.held(full[(2 * k + 1) * full.size() / (2 * count)]);
-    TileDirect(map, scene, *held, direct, options, kPilotPlaces, run.seed).bake();
-    taken_s[k] = threadSeconds() - before_s;
-  });
-  return std::accumulate(taken_s.begin(), taken_s.end(), 0.0) / std::max(1.0, rays() - before);
 }
 
 DirectPilot pilotDirect(LightMap& map, const Scene& scene, const TexelMap& texels, const DirectLight& direct, const MapOptions& options,
