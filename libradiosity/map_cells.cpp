@@ -241,15 +241,19 @@ std::vector<MapCells::Block> MapCells::blocks(std::size_t probes) {
       if (gathered_[i]) b.points += 1.0 / double(held_[i]);
     });
   }
-  std::vector<std::vector<std::size_t>> points(all.size());
-  for (std::uint32_t r = 0; r < roots_; ++r)
-    forTexels(cells_[r], [&](std::size_t i) {
-      if (gathered_[i]) points[blockOf(cells_[r])].push_back(i);
-    });
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    const std::size_t n = std::min(probes, points[k].size());
-    for (std::size_t j = 0; j < n; ++j) all[k].probes.push_back(points[k][(2 * j + 1) * points[k].size() / (2 * n)]);
-  }
+  const auto forPoints = [&](const auto& f) {
+    for (std::uint32_t r = 0; r < roots_; ++r)
+      forTexels(cells_[r], [&](std::size_t i) {
+        if (gathered_[i]) f(blockOf(cells_[r]), i);
+      });
+  };
+  // Evenly along the list of each block's points, counted first: lists would be as long as the map.
+  std::vector<std::size_t> count(all.size(), 0), passed(all.size(), 0);
+  forPoints([&](std::size_t k, std::size_t) { ++count[k]; });
+  forPoints([&](std::size_t k, std::size_t i) {
+    const std::size_t n = std::min(probes, count[k]), j = all[k].probes.size(), at = passed[k]++;
+    if (j < n && at == (2 * j + 1) * count[k] / (2 * n)) all[k].probes.push_back(i);
+  });
   std::vector<Block> out;
   for (std::size_t k = 0; k < all.size(); ++k)
     if (all[k].cells > 0.0) {

@@ -6,6 +6,7 @@
 
 #include "libradiosity/light_map.h"
 #include "libradiosity/map_cells.h"
+#include "libradiosity/pools.h"
 #include "libscene/constants.h"
 #include "libscene/journal.h"
 #include "libscene/parallel.h"
@@ -18,13 +19,11 @@ namespace {
 constexpr std::uint32_t kFirstRays = 8;     // each half, at the corners of the first cells: how much light varies there
 constexpr std::uint32_t kPilotRays = 32;    // of a pilot, at most: enough to meet what is rare
 constexpr std::uint32_t kSecondPilot = 16;  // at corners that halving adds, at least, unless the pilot took fewer
-constexpr std::uint32_t kMostRays = 16384;  // each half, of one texel
 // Rays each half, mean over a map, at a goal of 2 %; with goal^-1.4 at others. Three times what the hardest benchmark takes: a level whose
 // light hangs on places that hemisphere rays hardly ever find would else take any time; it then states its larger error.
 constexpr double kMeanRaysAtTwoPercent = 1024.0;
-constexpr double kSobolExponent = 0.7;  // error ~ rays^-0.7 behind clutter (measured 0.68..0.72, methods/radiosity.md section 2)
-constexpr double kBudget = 0.95;        // of the goal: what is foretold wavers
-constexpr double kObjectBudget = 0.9;   // of an object's: estimates of small ones waver more
+constexpr double kBudget = 0.95;       // of the goal: what is foretold wavers
+constexpr double kObjectBudget = 0.9;  // of an object's: estimates of small ones waver more
 // Of a budget: what the bounds of patches and of interpolation take in most levels. The first rays tell neither, for their noise is in
 // both.
 constexpr double kUsualField = 0.12, kUsualBetween = 0.15;
@@ -41,7 +40,6 @@ constexpr double kLargeInterpolation = 0.25;  // of an object's budget
 constexpr double kLocalLimit = 1.0;  // times the goal: noise of any neighbourhood against max(its own mean, kDimPlace * the level's)
 constexpr double kDimPlace = 0.03;
 constexpr double kLargeChart = 0.01;   // of the level's texels
-constexpr double kHopeless = 2.0;      // of the least variance that there can be
 constexpr double kLeastBlocks = 24.0;  // of a sample
 constexpr std::size_t kProbes = 4;     // of a block of cells, before a sample is drawn
 // Rays go with a power above one of a noise, and the strictest of several limits counts: the fewer blocks tell of it, the more they ask for
@@ -58,19 +56,6 @@ constexpr int kHalvings = 4;                                           // of a c
 constexpr int kMaxCorrections = 2, kSpeckleRounds = 3;
 
 double mean3(const glm::dvec3& v) { return (v.x + v.y + v.z) / 3.0; }
-
-/// Gathered texels of a chart that lie near each other and speak for as many others: one estimate of variance, one number of rays.
-struct Pool {
-  std::uint32_t object = kNone, chart = kNone;
-  double points = 0.0, texels = 0.0;  ///< gathered; spoken for
-  double rays = 0.0;                  ///< each half, mean over the points
-  double variance1 = 0.0;             ///< of one ray's worth: variance of a point is variance1 * rays^(-2 kSobolExponent) [lx^2]
-  double influence = 0.0;             ///< sum over points and texels of squared weights: noise of the texels is influence * variance
-  double illuminance = 0.0;           ///< mean over the texels spoken for, direct light included [lx]
-  double bounced = 0.0;               ///< the part of it that comes by bounces
-  glm::dvec3 drift{0.0};              ///< mean change when light is read from patches of twice the size [lx]
-  double wanted = 0.0;                ///< rays each half after the next round
-};
 
 /// The state of one hemisphere stage.
 class HemisphereBaker {
@@ -184,8 +169,8 @@ class HemisphereBaker {
     };
     // Rays that the sample does not cast again: those that happened to meet much would count twice.
     forProbes([&](std::size_t i, const MapCells::Block&) {
-      map_.rays[i] = kMostRays;
-      wanted_[i] = kMostRays + kFirstRays;
+      map_.rays[i] = Pool::kMostRays;
+      wanted_[i] = Pool::kMostRays + kFirstRays;
     });
     cast(0.0, 0.02);
     forProbes([&](std::size_t i, const MapCells::Block&) { map_.rays[i] = kFirstRays; });
@@ -212,8 +197,7 @@ class HemisphereBaker {
         if (large_[map_.chart[i]])
           against = std::min(against, kLocalLimit * std::max(charts[map_.chart[i]].mean(), kDimPlace * level.mean()));
         const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
-        if (against > 0.0)
-          size += std::pow(mean3(d * d) / (against * against), 1.0 / (1.0 + 2.0 * kSobolExponent)) / double(b.probes.size());
+        if (against > 0.0) size += std::pow(mean3(d * d) / (against * against), kRaysOfVariance) / double(b.probes.size());
       }
       sizes.push_back(size);
       all += b.points * size;
@@ -501,7 +485,7 @@ class HemisphereBaker {
       for (Standing* s : {&out[p.object], &out.back()}) {
         s->points += p.points;
         s->texels += p.texels;
-        s->noise2 += p.influence * p.variance1 * std::pow(p.rays, -2.0 * kSobolExponent);
+        s->noise2 += p.noise2At(p.rays);
         s->field2 += p.texels * mean3(p.drift * p.drift);
         s->bounced += p.texels * p.bounced;
       }
@@ -548,36 +532,9 @@ class HemisphereBaker {
     return below(all.back(), kBudget * goal_ * mean_, goal_ * mean_);
   }
 
-  /// Rays for each pool so that the predicted noise of the level meets the goal, and of each object and neighbourhood its own, with the
-  /// fewest rays: minimal sum of points * N for given sum of influence * variance1 * N^(-2a) has N ~ (influence/points *
-  /// variance1)^(1/(1+2a)) (Lagrange).
+  /// Rays for each pool so that the predicted noise of the level meets the goal, and of each object and neighbourhood its own.
   void giveOut() {
-    constexpr double a = kSobolExponent;
     if (!(mean_ > 0.0)) return;
-    const auto raysAt = [&](const Pool& p, double kappa) {
-      return std::clamp(kappa * std::pow(p.influence / p.points * p.variance1, 1.0 / (1.0 + 2.0 * a)), p.rays, double(kMostRays));
-    };
-    const auto solve = [&](std::span<const std::uint32_t> ids, double allowedVariance) {
-      const auto noise = [&](double kappa) {
-        double sum = 0.0, texels = 0.0;
-        for (const std::uint32_t i : ids) {
-          const Pool& p = pools_[i];
-          sum += p.influence * p.variance1 * std::pow(raysAt(p, kappa), -2.0 * a);
-          texels += pools_[i].texels;
-        }
-        return sum / texels;
-      };
-      double lo = 1e-6, hi = 1e12;
-      // A point that cannot be mended by all the rays that it may have is no reason to give as many to the others.
-      allowedVariance = std::max(allowedVariance, kHopeless * noise(hi));
-      if (noise(lo) <= allowedVariance) return lo;
-      for (int step = 0; step < 60; ++step) {
-        const double mid = std::sqrt(lo * hi);
-        (noise(mid) <= allowedVariance ? hi : lo) = mid;
-      }
-      return hi;
-    };
-
     const std::vector<Standing> known = standings();
     // Noise of direct light is there already; rays cannot mend it, and it leaves them at least half of what is allowed.
     const auto varianceFor = [&](const Standing& s, double budget) {
@@ -593,13 +550,10 @@ class HemisphereBaker {
       if (pools_[i].chart >= byChart.size()) byChart.resize(pools_[i].chart + 1);
       byChart[pools_[i].chart].push_back(i);
     }
-    const auto give = [&](std::span<const std::uint32_t> ids, double kappa) {
-      for (const std::uint32_t i : ids) pools_[i].wanted = std::max(pools_[i].wanted, raysAt(pools_[i], kappa));
-    };
     for (Pool& p : pools_) p.wanted = p.rays;
-    give(all, solve(all, varianceFor(known.back(), kBudget * goal_ * mean_)));
+    giveRays(pools_, all, varianceFor(known.back(), kBudget * goal_ * mean_));
     for (std::size_t o = 0; o < byObject.size(); ++o)
-      if (!byObject[o].empty()) give(byObject[o], solve(byObject[o], varianceFor(known[o], kObjectBudget * budgetOf(o))));
+      if (!byObject[o].empty()) giveRays(pools_, byObject[o], varianceFor(known[o], kObjectBudget * budgetOf(o)));
     for (std::size_t c = 0; c < byChart.size(); ++c) {
       if (byChart[c].empty() || !large_[c]) continue;
       double own = 0.0, count = 0.0;
@@ -607,14 +561,14 @@ class HemisphereBaker {
         own += pools_[i].texels * pools_[i].illuminance;
         count += pools_[i].texels;
       }
-      give(byChart[c], solve(byChart[c], std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0)));
+      giveRays(pools_, byChart[c], std::pow(kLocalLimit * goal_ * std::max(own / count, kDimPlace * mean_), 2.0));
     }
     double wanted = 0.0, have = 0.0;
     for (const Pool& p : pools_) {
       wanted += p.points * p.wanted;
       have += p.points * p.rays;
     }
-    const double most = std::max(0.0, known.back().texels * kMeanRaysAtTwoPercent * std::pow(0.02 / goal_, 1.0 / a) - have);
+    const double most = std::max(0.0, known.back().texels * kMeanRaysAtTwoPercent * std::pow(0.02 / goal_, 1.0 / kSobolExponent) - have);
     if (wanted - have > most)
       for (Pool& p : pools_) p.wanted = p.rays + (p.wanted - p.rays) * most / (wanted - have);
     for (std::size_t i = 0; i < map_.size(); ++i)
@@ -627,7 +581,7 @@ class HemisphereBaker {
       if (poolOf_[i] == kNone) continue;
       const glm::dvec3 d = 0.5 * (half(i, 0) - half(i, 1));
       const double speckle = kSpeckle * goal_ * std::max(mean3(direct(i) + illuminance(i)), kDimPlace * mean_);
-      if (mean3(d * d) > speckle * speckle) wanted_[i] = std::clamp(kSpeckleRays * map_.rays[i], map_.rays[i], kMostRays);
+      if (mean3(d * d) > speckle * speckle) wanted_[i] = std::clamp(kSpeckleRays * map_.rays[i], map_.rays[i], Pool::kMostRays);
     }
   }
 
