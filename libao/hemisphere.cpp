@@ -24,6 +24,7 @@ struct Hemisphere::Block {
   const Directions* directions;
   std::uint32_t half;
   glm::mat3 frame;
+  glm::vec3 face;                   ///< the geometric normal
   std::uint16_t blocked;            ///< bit i: ray i is, or it goes below the face
   std::array<float, kBlock> share;  ///< how much of each counts where occluders fall off, [0, 1]
   bool dark() const { return blocked == kAll; }
@@ -88,6 +89,7 @@ void Hemisphere::start(Batch& batch, const SurfacePoint& place, Turn& turn, std:
   b.directions = &d;
   b.half = turn.half;
   b.frame = turn.frame;
+  b.face = place.geometricNormal;
   const RayFan::OneRay alike{
       glm::vec4(tracer_.lifted(place.position_m, place.geometricNormal), 0.0f), glm::vec4(0.0f), tFar(), ~0u, 0u, 0u};
   const Lanes x = lanes(turn.frame[0]), y = lanes(turn.frame[1]), z = lanes(turn.frame[2]);
@@ -96,9 +98,8 @@ void Hemisphere::start(Batch& batch, const SurfacePoint& place, Turn& turn, std:
     fan.rays[i].direction = std::bit_cast<glm::vec4>(d.towards[i].x * x + d.towards[i].y * y + d.towards[i].z * z);
   }
   if (place.normal == place.geometricNormal) return;
-  const glm::vec3 face(place.geometricNormal);
   for (RayFan::OneRay& r : fan.rays)
-    if (glm::dot(glm::vec3(r.direction), face) <= 0.0f) r.tFar = -1.0f;
+    if (glm::dot(glm::vec3(r.direction), b.face) <= 0.0f) r.tFar = -1.0f;
 }
 
 /// Returns the rays cast.
@@ -140,20 +141,34 @@ bool Hemisphere::mayBePartlyBuried(const Batch& batch) {
   return seeing > 0 && seeing < int(batch.count) && open > kOpenBeside * kBlock * seeing;
 }
 
-bool Hemisphere::buried(const RayFan& fan, std::uint32_t& cast) const {
+/// How the place of a fan lies.
+Sums::Lie Hemisphere::lie(const RayFan& fan, std::uint32_t& cast) const {
   std::array<Ray, kBlock> rays;
   std::array<Hit, kBlock> hits;
   for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fan.ray(i, tFar());
   tracer_.closest(rays, hits, Purpose::Occlusion);
   cast += kBlock;
-  return std::ranges::count_if(hits, [](const Hit& h) { return h && !h.front; }) >= kBackFaces;
+  if (std::ranges::count_if(hits, [](const Hit& h) { return h && !h.front; }) >= kBackFaces) return Sums::Lie::Buried;
+  return std::ranges::all_of(hits, [](const Hit& h) { return bool(h); }) ? Sums::Lie::Closed : Sums::Lie::Free;
 }
 
-bool Hemisphere::buried(const SurfacePoint& place, std::uint64_t address, std::uint32_t& cast) const {
+/// Whether a surface lies between two places of a texel: across the way just above the texel and across that just below it, for where a
+/// texel is curved one of them meets the texel itself.
+bool Hemisphere::severed(const SurfacePoint& from, const Block& b, const RayFan& fan, std::uint32_t& cast) const {
+  for (const double side : {1.0, -1.0}) {
+    const glm::vec3 start = tracer_.lifted(from.position_m, side * from.geometricNormal);
+    const glm::vec3 end = glm::vec3(fan.rays[0].origin_m) + (float(side) - 1.0f) * tracer_.lift_m() * b.face;
+    ++cast;
+    if (!tracer_.occluded(Ray{start, end - start, 1.0f}, Purpose::Occlusion)) return false;
+  }
+  return true;
+}
+
+Sums::Lie Hemisphere::lie(const SurfacePoint& place, std::uint64_t address, std::uint32_t& cast) const {
   Batch batch;
   Turn turn(address, 0);
   start(batch, place, turn, 0);
-  return buried(batch.fans[0], cast);
+  return lie(batch.fans[0], cast);
 }
 
 /// How much of a ray counts as blocked.
@@ -190,11 +205,11 @@ Sums::Half Hemisphere::blockedOf(const Block& b) const {
 std::uint32_t Hemisphere::finish(Batch& batch, const Places& places, std::uint64_t address, Sums& sums, glm::vec3* bent) const {
   std::uint32_t cast = trace(batch);
   const bool partly = places.middle && mayBePartlyBuried(batch);
-  if (partly && sums.middle == Sums::Middle::Unknown)
-    sums.middle = buried(*places.middle, address, cast) ? Sums::Middle::Buried : Sums::Middle::Free;
+  if (partly && sums.middle == Sums::Lie::Unknown) sums.middle = lie(*places.middle, address, cast);
   for (std::size_t k = 0; k < batch.count; ++k) {
     const Block& b = batch.blocks[k];
-    if (partly && b.dark() && sums.middle == Sums::Middle::Free && buried(batch.fans[k], cast)) continue;
+    if (partly && b.dark() && sums.middle != Sums::Lie::Buried && lie(batch.fans[k], cast) == Sums::Lie::Buried) continue;
+    if (partly && !b.dark() && sums.middle == Sums::Lie::Closed && severed(*places.middle, b, batch.fans[k], cast)) continue;
     Sums::Half& h = sums.halves[b.half];
     h.cosine += b.directions->allCosine;
     h.uniform += b.directions->allUniform;
@@ -229,13 +244,12 @@ std::uint32_t Hemisphere::castFrom(std::uint64_t address, std::uint32_t from, st
 
 std::uint32_t Hemisphere::cast(std::uint64_t address, std::uint32_t until, const Places& places, Sums& sums, glm::vec3* bent) const {
   if (until <= sums.rays) return 0;
-  const bool darkBefore = sums.rays > 0 && sums.uniform() == 0.0 && sums.middle == Sums::Middle::Unknown;
+  const bool unasked = sums.rays > 0 && sums.middle == Sums::Lie::Unknown, dark = sums.uniform() == 0.0;
   const glm::vec3 bentBefore = bent ? *bent : glm::vec3(0.0f);
   std::uint32_t cast = castFrom(address, sums.rays, until, places, sums, bent);
-  // Only now it shows that some places see something: which of the first ones lay inside a solid is asked again.
-  if (darkBefore && sums.middle == Sums::Middle::Free) {
-    sums = {};
-    sums.middle = Sums::Middle::Free;
+  // Only now it shows that places see different things: which of the first ones lay inside a solid, or beyond a wall, is asked again.
+  if (unasked && (sums.middle == Sums::Lie::Closed || (dark && sums.middle == Sums::Lie::Free))) {
+    sums = Sums{{}, 0, sums.middle};
     if (bent) *bent = bentBefore;
     cast += castFrom(address, 0, until, places, sums, bent);
   }

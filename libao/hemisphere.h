@@ -16,8 +16,9 @@ struct Sums {
   };
   std::array<Half, 2> halves;
   std::uint32_t rays = 0;  ///< each half, below faces included
-  /// Whether the texel's middle lies inside a solid that stands on its surface; asked only where some of its places see nothing.
-  enum class Middle : std::uint8_t { Unknown, Free, Buried } middle = Middle::Unknown;
+  /// Where the texel's middle lies: inside a solid that stands on its surface, or where all is closed, and what other places see of the
+  /// open they see from beyond a surface. Asked only where some of its places see nothing.
+  enum class Lie : std::uint8_t { Unknown, Free, Buried, Closed } middle = Lie::Unknown;
 
   // Blocked sums are made of the same terms in the same order: all blocked is exactly 0, none exactly 1. A half whose every place lay
   // inside a solid knows nothing, and the other speaks for it.
@@ -37,7 +38,8 @@ struct Sums {
 struct Places {
   std::function<SurfacePoint(glm::vec2)> at;  ///< for a point of the unit square
   /// A texel's middle. Where it is free, places of the texel inside a solid (a wall that stands on an uncut floor) do not count; where it
-  /// is inside, so is the texel, and its openness 0. None = every place counts.
+  /// is inside, so is the texel, and its openness 0. In a closed room, places that lie beyond its walls (of a column that goes on below
+  /// the floor) do not count. None = every place counts.
   std::optional<SurfacePoint> middle{};
 };
 
@@ -49,8 +51,8 @@ class Hemisphere {
   /// null, takes the open directions. Returns the rays cast.
   std::uint32_t cast(std::uint64_t address, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
 
-  /// Whether most rays of a place meet backs of faces. Adds the rays that it costs.
-  bool buried(const SurfacePoint&, std::uint64_t address, std::uint32_t& cast) const;
+  /// How a place lies: buried where most rays from it meet backs of faces. Adds the rays that it costs.
+  Sums::Lie lie(const SurfacePoint&, std::uint64_t address, std::uint32_t& cast) const;
 
   /// The rays until each half has `until`, as cast() traces them: those with tFar below 0 are not.
   std::vector<RayFan> fans(std::uint64_t address, std::uint32_t until, const Places&) const;
@@ -66,7 +68,8 @@ class Hemisphere {
   float tFar() const { return float(options_.distance_m); }
   float shareOf(const Block&, std::size_t i) const;
   Sums::Half blockedOf(const Block&) const;
-  bool buried(const RayFan&, std::uint32_t& cast) const;
+  Sums::Lie lie(const RayFan&, std::uint32_t& cast) const;
+  bool severed(const SurfacePoint&, const Block&, const RayFan&, std::uint32_t& cast) const;
   std::uint32_t finish(Batch&, const Places&, std::uint64_t address, Sums&, glm::vec3* bent) const;
 
   const Tracer& tracer_;

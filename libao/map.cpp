@@ -30,7 +30,7 @@ void forNeighbours(std::span<const std::uint32_t> chart, int width, std::size_t 
 
 /// Whether a texel is nearly dark beside one that is not.
 bool isDarkBesideOpen(std::span<const Sums> sums, std::span<const std::uint32_t> chart, int width, std::size_t i) {
-  if (chart[i] == kNone || sums[i].middle != Sums::Middle::Unknown) return false;
+  if (chart[i] == kNone || sums[i].middle != Sums::Lie::Unknown) return false;
   double beside = 0.0;
   forNeighbours(chart, width, i, [&](std::size_t j) { beside = std::max(beside, sums[j].uniform()); });
   return beside > kOpen && sums[i].uniform() < kDarker * beside;
@@ -63,11 +63,11 @@ class MapBaker {
         last, [&](std::size_t i) { return isDarkBesideOpen(sums_, chart_, texels_.width(), i); },
         [&](std::size_t i, const Places& places, std::uint64_t address) {
           std::uint32_t rays = 0;
-          out.buried[i] = hemisphere_.buried(*places.middle, address, rays);
+          out.buried[i] = hemisphere_.lie(*places.middle, address, rays) == Sums::Lie::Buried;
           return rays;
         });
     for (std::size_t i = 0; i < sums_.size(); ++i) {
-      out.buried[i] |= sums_[i].middle == Sums::Middle::Buried;
+      out.buried[i] |= sums_[i].middle == Sums::Lie::Buried;
       if (out.buried[i] != 0) out.cosine[i] = out.uniform[i] = out.error[i] = 0.0f;
     }
     unitAll(bent_);

@@ -68,6 +68,31 @@ TEST(Openness, OfAClosedBoxIsExactlyZero) {
   EXPECT_EQ(baked.openness.darkShare, 1.0);
 }
 
+TEST(Openness, OfAClosedRoomIsZeroWhereAPostGoesOnBelowItsFloor) {
+  // The post's lower end lies outside, in the open: texels that the floor cuts are as dark as their middles above it.
+  SceneBuilder b(4);
+  const std::uint32_t m = b.material(Rgb(0.5f));
+  b.room({-1, -1, -1}, {1, 1, 1}, {m, m, m, m, m, m});
+  const float bottom = -1.43f, height = 1.6f;
+  const std::uint32_t post = b.quad({0, bottom, -0.3f}, {0, height, 0}, {0, 0, 0.6f}, m);
+  const int side = 128;
+  const Baked baked = bake(b.scene, {.error = 0.003}, side);
+  std::size_t cut = 0;
+  baked.forObject(post, [&](std::size_t i) {
+    // Corners of a quad lie at 0.1 and 0.9 of its cell; its first edge goes along x.
+    const double cell = side / 4.0, texel = height / (0.8 * cell);
+    const double y = double(bottom) + double(height) * ((double(i % std::size_t(cell)) + 0.5) / cell - 0.1) / 0.8;
+    cut += std::abs(y + 1.0) < 0.5 * texel;
+    if (y > -1.0) {
+      EXPECT_EQ(baked.openness.cosine[i], 0.0f) << y;
+    }
+    if (y < -1.0 - texel) {
+      EXPECT_GT(baked.openness.cosine[i], 0.1f) << y;
+    }
+  });
+  EXPECT_GT(cut, 10u);
+}
+
 TEST(Openness, UnderASmallCeilingFollowsTheFormFactor) {
   // A disc-like square of side 2 at height 1, seen from below its middle: form factor to the parallel rectangle, four times the corner's.
   SceneBuilder b;
