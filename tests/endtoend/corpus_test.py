@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Broken, hostile and odd levels: no crash, no hang, strict cases refused, good ones accepted (left out where ../shared is not there).
 
-    corpus_test.py --lmc BUILD/bin/lmc --dump BUILD/tests/bin/exr_dump --shared SHARED [--sanitized] [--threads N] [--only TEXT]
+    corpus_test.py --lmc BUILD/bin/lmc --dump BUILD/tests/bin/exr_dump --shared SHARED [--shim LIBRARY] [--sanitized] [--threads N] [--only TEXT]
 
 Rules: SHARED/corpus/README.md. Levels go through `lmc bake FILE -o OUT --map-size 64 --preset draft -j N`, EXR files through `lmc compare F F`,
-other pictures through a good level whose base-colour texture they become."""
+other pictures through a good level whose base-colour texture they become. Of cases about paths no run may open what lies outside of the
+level's folder and OUT; for that --shim (support/fault_shim.c) lists what is opened."""
 import argparse, array, concurrent.futures, json, os, pathlib, re, resource, signal, subprocess, sys, tempfile, threading, time
 
 SECONDS, SECONDS_LOAD = 5, 60
@@ -13,16 +14,17 @@ SANITIZER_FACTOR = 12   # of time; memory is not judged there
 WAITING = 6             # a hang is told by the processor's time, so that a busy machine makes none; one that waits for nothing, by the clock
 CHANNELS = {'lightmap': ['R', 'G', 'B', 'direct.R', 'direct.G', 'direct.B', 'indirect.R', 'indirect.G', 'indirect.B', 'stderr.R', 'stderr.G', 'stderr.B'],
             'ao': ['Y', 'uniform.Y', 'stderr.Y']}
+ABOUT_THE_SYSTEM = [pathlib.Path('/proc'), pathlib.Path('/sys')]   # memory in use, processors
 WARNED = re.compile(r': warning: .*\[[A-Z0-9_]+\]$', re.M)
 
 
 class Finished:
     """One run of a program: exit code, stderr, CPU seconds, peak memory."""
 
-    def __init__(self, command, folder, cpu_seconds):
+    def __init__(self, command, folder, cpu_seconds, env=None):
         with tempfile.TemporaryFile() as stderr:
             self.waited_too_long = False
-            started = subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr,
+            started = subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr, env=env,
                                        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (cpu_seconds, cpu_seconds + 1)))
             timer = threading.Timer(WAITING * cpu_seconds, self.give_up, [started])
             timer.start()
@@ -63,6 +65,14 @@ def not_finite(dump, out):
     return None
 
 
+def opened_outside(list_of_opened, *folders):
+    """The first file of the list that is neither in one of the folders nor one of the system's that says how it is doing."""
+    for line in list_of_opened.read_text(errors='surrogateescape').splitlines():
+        if not any(pathlib.Path(line).is_relative_to(f.resolve()) for f in (*folders, *ABOUT_THE_SYSTEM)):
+            return line
+    return None
+
+
 class Judge:
     def __init__(self, options, root):
         self.options, self.root = options, root
@@ -88,7 +98,15 @@ class Judge:
         command, name, out = self.command(case, folder)
         limit = (SECONDS_LOAD if 'load' in case.get('tags', []) else SECONDS) * self.factor
         there = {f.name for f in folder.iterdir()}
-        run = Finished(command, folder, limit)
+        opened = folder / 'opened' if self.options.shim and 'path' in case.get('tags', []) else None
+        env = dict(os.environ, LD_PRELOAD=self.options.shim, LMC_OPENED=str(opened)) if opened else None
+        run = Finished(command, folder, limit, env)
+        if opened:
+            if not opened.exists():
+                return 'shim', 'nothing was listed', run
+            if outside := opened_outside(opened, self.root / pathlib.Path(case['file']).parent, folder):
+                return 'opened', f'{outside}, outside of its folder', run
+            opened.unlink()
         tail = run.stderr[-400:]
         if run.waited_too_long or run.code == -signal.SIGXCPU:
             return 'hang', f'no end after {run.cpu:.1f} CPU s', run
@@ -118,12 +136,13 @@ def main():
     ap.add_argument('--lmc', required=True)
     ap.add_argument('--dump', required=True)
     ap.add_argument('--shared', required=True)
+    ap.add_argument('--shim', help='lists what is opened (left out by sanitized runs)')
     ap.add_argument('--sanitized', action='store_true', help='the program is slow, and its memory is not its own')
     ap.add_argument('--threads', type=int, default=1, help='of each bake')
     ap.add_argument('--only', default='', help='cases whose file holds this')
     ap.add_argument('--classes', help='write file and class of each case, for comparing runs')
     a = ap.parse_args()
-    a.lmc, a.dump = os.path.abspath(a.lmc), os.path.abspath(a.dump)
+    a.lmc, a.dump, a.shim = os.path.abspath(a.lmc), os.path.abspath(a.dump), a.shim and os.path.abspath(a.shim)
     root = pathlib.Path(a.shared, 'corpus', 'bad_gltf').resolve()
     if not root.is_dir():
         print('left out: no corpus beside the project')

@@ -374,5 +374,27 @@ TEST(Level, ValuesInBuffersAreJudgedToo) {
   EXPECT_EQ(errorOf(b.save(folder)).code, "LMC_INDEX_RESTART");
 }
 
+TEST(Level, NoFileStaysOpenHoweverManyLevelsAreLoadedOrRefused) {
+  const auto openFiles = [] {
+    const std::filesystem::directory_iterator all("/proc/self/fd");
+    return std::distance(begin(all), end(all));
+  };
+  Folder folder;
+  Builder b = squareLevel();
+  const auto good = b.save(folder);
+  b.json["images"] = {{{"uri", "cut.png"}}};
+  b.json["textures"] = {{{"source", 0}}};
+  b.json["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}, {"metallicFactor", 0}}}}};
+  b.json["meshes"][0]["primitives"][0]["material"] = 0;
+  folder.write("cut.png", "\x89PNG\r\n\x1a\n");
+  const auto bad = folder.write("bad.gltf", b.json.dump());
+  const auto before = openFiles();
+  for (int k = 0; k < 100; ++k) {
+    load(good);
+    EXPECT_EQ(errorOf(bad).code, "LMC_TEXTURE_BAD") << k;
+  }
+  EXPECT_EQ(openFiles(), before);
+}
+
 }  // namespace
 }  // namespace lmc::test

@@ -5,17 +5,20 @@
  *   halfread eintrread          every read of a level's files reads half, or is interrupted before it reads
  *   shrunk grown                a level's files have fewer bytes than fstat said, or more
  *   malloc                      returns nothing, once
- * With LMC_FAULT_COUNT=FILE the number of calls of WHAT is written there at the end (N = 0: none fails). */
+ * With LMC_FAULT_COUNT=FILE the number of calls of WHAT is written there at the end (N = 0: none fails). With LMC_OPENED=FILE the path of
+ * every file that is opened from main on, links followed, is written there, a line each. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -49,6 +52,15 @@ static void note(void) {
   if (f) fprintf(f, "%ld\n", atomic_load(&calls)), fclose(f);
 }
 
+static int openedList = -1;
+static void noteOpened(int folder, const char* path) {
+  if (!atomic_load(&counting) || openedList < 0) return;
+  char beside[64] = "", whole[2 * PATH_MAX], real[PATH_MAX];
+  if (folder != AT_FDCWD && path[0] != '/') snprintf(beside, sizeof beside, "/proc/self/fd/%d/", folder);
+  snprintf(whole, sizeof whole, "%s%s", beside, path);
+  if (realpath(whole, real)) dprintf(openedList, "%s\n", real);  // what is not there is not opened
+}
+
 static int (*realMain)(int, char**, char**);
 static int countedMain(int argc, char** argv, char** environment) {
   const char* fault = getenv("LMC_FAULT");
@@ -57,6 +69,7 @@ static int countedMain(int argc, char** argv, char** environment) {
     for (int i = 1; i < WHATS; ++i)
       if (strcmp(name, names[i]) == 0) what = (enum What)i;
   atexit(note);
+  if (getenv("LMC_OPENED")) openedList = (int)syscall(SYS_openat, AT_FDCWD, getenv("LMC_OPENED"), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
   atomic_store(&counting, 1);
   return realMain(argc, argv, environment);
 }
@@ -73,12 +86,37 @@ int open(const char* path, int flags, ...) {
   va_end(list);
   static int (*real)(const char*, int, ...);
   if (!real) real = dlsym(RTLD_NEXT, "open");
+  noteOpened(AT_FDCWD, path);
   const int fd = real(path, flags, mode);
   if (fd >= 0 && fd < 1024) {
     ours[fd] = (flags & O_CREAT) && endsWith(path, ".part");
     inputs[fd] = (flags & O_ACCMODE) == O_RDONLY && (endsWith(path, ".gltf") || endsWith(path, ".glb") || endsWith(path, ".bin") || endsWith(path, ".png"));
   }
   return fd;
+}
+
+int openat(int folder, const char* path, int flags, ...) {
+  va_list list;
+  va_start(list, flags);
+  const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) ? va_arg(list, mode_t) : 0;
+  va_end(list);
+  static int (*real)(int, const char*, int, ...);
+  if (!real) real = dlsym(RTLD_NEXT, "openat");
+  noteOpened(folder, path);
+  return real(folder, path, flags, mode);
+}
+/* Streams of C and C++. */
+FILE* fopen(const char* path, const char* mode) {
+  static FILE* (*real)(const char*, const char*);
+  if (!real) real = dlsym(RTLD_NEXT, "fopen");
+  noteOpened(AT_FDCWD, path);
+  return real(path, mode);
+}
+FILE* fopen64(const char* path, const char* mode) {
+  static FILE* (*real)(const char*, const char*);
+  if (!real) real = dlsym(RTLD_NEXT, "fopen64");
+  noteOpened(AT_FDCWD, path);
+  return real(path, mode);
 }
 
 static ssize_t write_at(ssize_t (*real)(int, const void*, size_t, off_t), int fd, const void* data, size_t size, off_t at) {
