@@ -248,36 +248,65 @@ LightCut LightTree::cutFor(const Receivers& r, std::size_t mostNodes) const {
 }
 
 LightTree::Groups::Groups(const LightTree& tree, const LightCut& cut, const Receivers& r)
-    : tree_(tree), cut_(cut), begin_(cut.groups.size()) {
-  thread_local std::vector<double> mosts;
-  mosts.clear();
+    : tree_(tree), cut_(cut), begin_(cut.groups.size() + 1) {
+  thread_local std::vector<Bound> bounds;
+  bounds.clear();
   double given = 0.0, most = 0.0;
   for (std::size_t g = 0; g < cut.groups.size(); ++g) {
     const Node& n = tree.nodes_[cut.groups[g]];
-    mosts.push_back(bound(n, r).most);
-    begin_[g] = mosts[g] > 0.0 ? estimate(n, r) : 0.0;
+    bounds.push_back(bound(n, r));
+    begin_[g] = bounds[g].most > 0.0 ? estimate(n, r) : 0.0;
     given += begin_[g];
-    most += mosts[g];
+    most += bounds[g].most;
   }
   if (!(most > 0.0)) return;
   mostWeight_ = most / kByBound;
+  double touching = 0.0;
   for (std::size_t g = 0; g < cut.groups.size(); ++g) {
-    const double byGiven = given > 0.0 ? begin_[g] / given : 0.0;
+    const double byGiven = given > 0.0 ? begin_[g] / given : 0.0, share = (1.0 - kByBound) * byGiven + kByBound * bounds[g].most / most;
     begin_[g] = total_;
-    total_ += (1.0 - kByBound) * byGiven + kByBound * mosts[g] / most;
+    if (bounds[g].touching) {
+      touch_.push_back(cut.groups[g]);
+      touching += share;
+    } else {
+      total_ += share;
+    }
   }
+  begin_.back() = total_;
+  total_ += touching;
 }
 
-LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u, std::size_t& g) const {
-  if (!(total_ > 0.0)) return {};
+std::uint32_t LightTree::Groups::groupOf(const Receivers& here, double& u, std::size_t& g, double& share) const {
   const double pick = u * total_;
   if (begin_[g] > pick) g = 0;
   while (g + 1 < begin_.size() && begin_[g + 1] <= pick) ++g;
   const double part = (g + 1 < begin_.size() ? begin_[g + 1] : total_) - begin_[g];
-  double share = part / total_;
+  share = part / total_;
   u = std::min((pick - begin_[g]) / part, kBelowOne);
+  if (g < cut_.groups.size()) return cut_.groups[g];
+  thread_local std::vector<double> mosts;
+  mosts.clear();
+  double sum = 0.0;
+  for (const std::uint32_t id : touch_) {
+    mosts.push_back(sum);
+    sum += bound(tree_.nodes_[id], here).most;
+  }
+  if (!(sum > 0.0)) return kNone;
+  const std::size_t k = partAt(mosts, u * sum);
+  const double own = (k + 1 < mosts.size() ? mosts[k + 1] : sum) - mosts[k];
+  if (!(own > 0.0)) return kNone;
+  share *= own / sum;
+  u = std::clamp((u * sum - mosts[k]) / own, 0.0, kBelowOne);
+  return touch_[k];
+}
+
+LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u, std::size_t& at) const {
+  if (!(total_ > 0.0)) return {};
   const Receivers here{p.position_m, 0.0, p.normal, 0.0};
-  const Node* n = &tree_.nodes_[cut_.groups[g]];
+  double share = 0.0;
+  const std::uint32_t group = groupOf(here, u, at, share);
+  if (group == kNone) return {};
+  const Node* n = &tree_.nodes_[group];
   while (n->child != kNone) {
     const glm::dvec3 to = n->centre_m - p.position_m;
     if (n->alike && n->radius_m * n->radius_m < kCompact * kCompact * glm::dot(to, to)) {

@@ -40,7 +40,8 @@ class LightTree {
     double share = 0.0;           ///< probability of the choice; 0 = nothing was chosen
   };
   /// Shares of a cut's groups for all places of a small neighbourhood: by what they give to its middle, and kByBound of them by the most
-  /// that they can give anywhere in it, so that what a light gives never counts more than about mostWeight().
+  /// that they can give anywhere in it, so that what a light gives never counts more than about mostWeight(). Among those that touch it,
+  /// what counts is where in it a place lies: they have a common share, and each place its own of that.
   class Groups {
    public:
     Groups(const LightTree&, const LightCut&, const Receivers&);
@@ -51,9 +52,12 @@ class LightTree {
     Choice choose(const SurfacePoint&, double& u, std::size_t& at) const;
 
    private:
+    /// The group that u falls into for this place, and its share.
+    std::uint32_t groupOf(const Receivers& here, double& u, std::size_t& at, double& share) const;
     const LightTree& tree_;
     const LightCut& cut_;
-    std::vector<double> begin_;  // cumulative
+    std::vector<double> begin_;         // cumulative, of the groups and, at the end, of those that touch
+    std::vector<std::uint32_t> touch_;  // those groups: by themselves their share is 0
     double total_ = 0.0, mostWeight_ = 0.0;
   };
   static constexpr double kByBound = 0.3;

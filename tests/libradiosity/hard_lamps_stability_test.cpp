@@ -94,6 +94,48 @@ TEST(HardLamps, OnASurfaceInACornerAndInsideAWall) {
   }
 }
 
+/// E of a wall of radiance 1, 2 m high from z = 0 to 4 m at x = 0, on the floor before it: the closed form of a perpendicular rectangle,
+/// seen from its foot; mean over a square.
+double beforeAWall(const std::array<glm::dvec3, 4>& square) {
+  constexpr int kPlaces = 16;
+  double sum = 0.0;
+  for (int i = 0; i < kPlaces; ++i)
+    for (int k = 0; k < kPlaces; ++k) {
+      const glm::dvec3 p = square[0] + (i + 0.5) / kPlaces * (square[1] - square[0]) + (k + 0.5) / kPlaces * (square[3] - square[0]);
+      const double slant = std::hypot(p.x, 2.0);
+      for (const double b : {p.z, double(kSide_m) - p.z}) sum += 0.5 * (std::atan2(b, p.x) - p.x / slant * std::atan2(b, slant));
+    }
+  return sum / (kPlaces * kPlaces);
+}
+
+TEST(HardLamps, FootOfAWallThatGlows) {
+  // Its triangles are smaller than a texel, and nearer to some places of it than their size: which of them is met hangs on the place.
+  for (const int cuts : {1, 100}) {
+    test::SceneBuilder s(2);
+    s.quad({0, 0, 0}, {0, 0, kSide_m}, {kSide_m, 0, 0}, s.material(Rgb(0.5f)));
+    s.quad({0, 0, 0}, {0, 2, 0}, {0, 0, kSide_m}, s.material(Rgb(0.0f), Rgb(1.0f)), cuts);
+    s.scene.objects[1].receive = false;
+    const int side = 100;
+    const test::Baked b = bakeScene(s.scene, {.side = side, .bounce = false});
+    double first = 0.0, true_ = 0.0, stated = 0.0, texels = 0.0;
+    for (int y = 5; y < 8; ++y)
+      for (int x = 6; x < 44; ++x) {  // the ends of the wall left out
+        const std::size_t i = std::size_t(y * side + x);
+        ASSERT_EQ(b.map.object[i], 0u);
+        const double exact = beforeAWall(squareOf(x, y, side / 2));
+        const double off = double(b.values.direct[i].r) / exact - 1.0;
+        if (y == 5) first += off * off / 38.0;
+        true_ += off * off;
+        stated += std::pow(double(b.values.error[i].r) / exact, 2.0);
+        texels += 1.0;
+      }
+    const std::string what = fmt::format("foot of a glowing wall of {} triangles", 2 * cuts * cuts);
+    expectWithin({what, "first texels of 0.1 m, RMS", std::sqrt(first), 0.08, "%", "four times the goal"});
+    expectWithin(
+        {what, "RMS within 0.3 m against what is stated", std::sqrt(true_ / stated), 1.5, "", "heavy tails are seen by both halves"});
+  }
+}
+
 TEST(HardLamps, SpotsOf0And90Degrees) {
   for (const double degrees : {0.0, 90.0}) {
     Light l = pointLight({2.0, 1.0, 2.0}, 10.0f);
