@@ -62,7 +62,8 @@ MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int ma
   const std::uint64_t base = kProgram + kThread * std::uint64_t(threadCount(Run{o.threads, o.seed, {}, {}})) + level + solver;
   MemoryPlan out;
   out.limit_bytes = o.memory_bytes > 0 ? o.memory_bytes : machine_bytes;
-  out.wanted_bytes = base + kTexel * texels;
+  out.texels_bytes = kTexel * texels;
+  out.wanted_bytes = base + out.texels_bytes;
   const std::uint64_t window = kWindow + (bounce ? kTexelStays * texels : 0);
   out.least_bytes = base + std::min(kTexelCompact * texels, window);
   out.held_bytes = o.memory_bytes > 0 ? o.memory_bytes : std::min(machine_bytes, std::max(kUnasked, base + kUnaskedWindow));
@@ -89,6 +90,10 @@ std::optional<std::uint64_t> bytesOf(std::string_view text) {
   }
   if (!(value >= 1.0) || !(value < 0x1p63)) return std::nullopt;
   return std::uint64_t(value);
+}
+
+std::string sizeText(const MemoryPlan& m) {
+  return sizeText(m.peak_bytes()) + " of memory" + (m.paged() ? fmt::format(" and {} of disk", sizeText(m.disk_bytes())) : std::string());
 }
 
 std::string sizeText(std::uint64_t bytes) { return fmt::format("{}M", (bytes + (1 << 20) - 1) >> 20); }

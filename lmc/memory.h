@@ -1,5 +1,7 @@
 #pragma once
 /// What a bake will hold at most, told before the work from counts alone, and how it keeps to a limit without changing a byte.
+#include <algorithm>
+
 #include "lmc/options.h"
 
 namespace lmc {
@@ -11,8 +13,12 @@ struct MemoryPlan {
   std::uint64_t held_bytes = 0;    ///< to be resident at most: the limit, or without --memory what a bake takes without being asked
   std::uint64_t rays_bytes = 0;    ///< left for stored rays while they are needed
   std::uint64_t tiles_bytes = 0;   ///< for tiles that are kept between stages
+  std::uint64_t texels_bytes = 0;  ///< of what is wanted, texels' state
   /// Texels' state lies in files, and the field's is put together at each hit.
   bool paged() const { return held_bytes < wanted_bytes; }
+  /// What the bake will hold at most, and what of it lies in files beside that.
+  std::uint64_t peak_bytes() const { return std::min(held_bytes, wanted_bytes); }
+  std::uint64_t disk_bytes() const { return paged() ? texels_bytes : 0; }
 };
 
 /// Squares of the patch size in a level's area; up to three times as many patches come of it. Their number goes with 1/goal, for their
@@ -26,5 +32,7 @@ MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, int maps, bool
 std::optional<std::uint64_t> bytesOf(std::string_view text);
 /// The size in whole M, rounded up: what bytesOf takes.
 std::string sizeText(std::uint64_t bytes);
+/// "960M of memory", or with files "960M of memory and 3340M of disk".
+std::string sizeText(const MemoryPlan&);
 
 }  // namespace lmc

@@ -129,7 +129,8 @@ Json forecastOf(const Bake& b, const std::vector<StageTime>& stages) {
               {"least_cpu_seconds", std::max(0.0, before.cpu_s + f.least_s - kUnrest_s)},
               {"most_cpu_seconds", before.cpu_s + f.most_s + kUnrest_s},
               {"rays", before.rays + f.rays},
-              {"memory_bytes", b.memory.wanted_bytes}};
+              {"memory_bytes", b.memory.peak_bytes()},
+              {"disk_bytes", b.memory.disk_bytes()}};
   if (b.facts.pilot) out["pilot"] = {{"cpu_seconds", b.facts.pilot->cpu_s}, {"rays", b.facts.pilot->rays}};
   if (std::ranges::find(stages, kFirstForetold, &StageTime::name) != stages.end())
     out["actual"] = {{"cpu_seconds", before.cpu_s + after.cpu_s}, {"rays", before.rays + after.rays}};
@@ -203,7 +204,7 @@ std::string planText(const Bake& b, const std::vector<StageTime>& stages) {
     out +=
         fmt::format("\nin all: {:.2g} CPU s ({:.2g} to {:.2g}), {} rays, {}; left out: at most {} of the level, {} of an object\n",
                     double(all["cpu_seconds"]), double(all["least_cpu_seconds"]), double(all["most_cpu_seconds"]),
-                    rayText(double(all["rays"])), sizeText(b.memory.wanted_bytes), percent(b.plan.leftOut), percent(b.plan.leftOutObject));
+                    rayText(double(all["rays"])), sizeText(b.memory), percent(b.plan.leftOut), percent(b.plan.leftOutObject));
     out += fmt::format("pilot: mean {:.3g} lx, mean albedo {:.2g}, {} of rays leave the level, {} passes, {} rays in {:.2g} CPU s\n",
                        f.pilot->mean_lx * b.lightUnit, f.pilot->meanAlbedo, percent(f.pilot->openShare), f.pilot->bounces,
                        rayText(f.pilot->rays), f.pilot->cpu_s);

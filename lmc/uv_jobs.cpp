@@ -170,14 +170,15 @@ Exit showInfo(const InfoOptions& options) {
       out["triangles"] = scene.triangles.size();
       out["lights"] = scene.lights.size();
       out["faults"] = state.faults.size();
-      out["memory_bytes"] = memory.wanted_bytes;
+      out["memory_bytes"] = memory.peak_bytes();
+      out["disk_bytes"] = memory.disk_bytes();
       fmt::print("{}\n", out.dump(2));
       return;
     }
-    fmt::print("{}{} triangles, {} lights; {} {} of {} x {}, {:.1f} % used; {} objects with faults; a bake takes about {} of memory\n",
+    fmt::print("{}{} triangles, {} lights; {} {} of {} x {}, {:.1f} % used; {} objects with faults; a bake takes about {}\n",
                table(scene, state.layout, remarks), scene.triangles.size(), scene.lights.size(), state.layout.maps,
                state.layout.maps == 1 ? "map" : "maps", state.layout.side, state.layout.side, 100.0 * state.layout.efficiency,
-               state.faults.size(), sizeText(memory.wanted_bytes));
+               state.faults.size(), sizeText(memory));
   });
   return Exit::Done;
 }

@@ -4,6 +4,7 @@
     memory_test.py --lmc BUILD/bin/lmc --source-dir SOURCE [--sanitized] [unittest's own arguments]
 """
 import argparse
+import json
 import os
 import resource
 import signal
@@ -70,6 +71,10 @@ class Limit(Case):
         for name in SAME_EVERY_TIME:
             self.assertEqual(content(small)[name], content(whole)[name], name)
         self.assertEqual([n for n in os.listdir(small) if n.startswith(".")], [])
+        forecasts = [json.loads(content(out)["report.json"])["forecast"] for out in (whole, small)]
+        self.assertEqual(forecasts[1]["memory_bytes"], LIMIT_MB << 20)
+        self.assertGreater(forecasts[0]["memory_bytes"], LIMIT_MB << 20)
+        self.assertEqual([f["disk_bytes"] > 0 for f in forecasts], [False, True])
         if not OPTIONS.sanitized:  # its shadow is no memory of ours
             self.assertGreater(free, 1.25 * HOLDS * LIMIT_MB, "without a limit it takes so little that the limit proves nothing")
             self.assertLessEqual(held, HOLDS * LIMIT_MB)
