@@ -201,10 +201,9 @@ std::string planText(const Bake& b, const std::vector<StageTime>& stages) {
   const Facts& f = b.facts;
   if (f.pilot) {
     const Json all = forecastOf(b, stages);
-    out +=
-        fmt::format("\nin all: {:.2g} CPU s ({:.2g} to {:.2g}), {} rays, {}; left out: at most {} of the level, {} of an object\n",
-                    double(all["cpu_seconds"]), double(all["least_cpu_seconds"]), double(all["most_cpu_seconds"]),
-                    rayText(double(all["rays"])), sizeText(b.memory), percent(b.plan.leftOut), percent(b.plan.leftOutObject));
+    out += fmt::format("\nin all: {:.2g} CPU s ({:.2g} to {:.2g}), {} rays, {}; left out: at most {} of the level, {} of an object\n",
+                       double(all["cpu_seconds"]), double(all["least_cpu_seconds"]), double(all["most_cpu_seconds"]),
+                       rayText(double(all["rays"])), sizeText(b.memory), percent(b.plan.leftOut), percent(b.plan.leftOutObject));
     out += fmt::format("pilot: mean {:.3g} lx, mean albedo {:.2g}, {} of rays leave the level, {} passes, {} rays in {:.2g} CPU s\n",
                        f.pilot->mean_lx * b.lightUnit, f.pilot->meanAlbedo, percent(f.pilot->openShare), f.pilot->bounces,
                        rayText(f.pilot->rays), f.pilot->cpu_s);
