@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -116,8 +117,17 @@ struct Perform {
 
 int runProgram(int argc, char** argv) {
   const lmc::Exit result = std::visit(Perform{}, lmc::parseCommandLine(argc, argv));
-  if (std::fflush(stdout) != 0 || std::ferror(stdout)) throw lmc::Error(lmc::Exit::Io, "standard output", "", "cannot be written");
+  // As fmt throws what stdout does not take.
+  if (std::fflush(stdout) != 0) throw std::system_error(errno, std::generic_category());
+  if (std::ferror(stdout)) throw std::system_error(EIO, std::generic_category());
   return int(result);
+}
+
+/// A reader that has gone (`lmc plan LEVEL | head`) has what it wanted: nobody is told.
+lmc::Exit failedOutput(const std::system_error& e) {
+  if (e.code() != std::errc::broken_pipe)
+    lmc::tell(fmt::format("{}\n", lmc::line("error", "standard output", "", "cannot be written: " + e.code().message(), "LMC_FILE")));
+  return lmc::Exit::Io;
 }
 
 }  // namespace
@@ -136,8 +146,7 @@ int main(int argc, char** argv) {
     std::fputs(kOutOfMemory, stderr);
     return int(lmc::Exit::Limit);
   } catch (const std::system_error& e) {  // fmt's, of stdout: every file of ours ends in an Error
-    lmc::tell(fmt::format("{}\n", lmc::line("error", "standard output", "", std::string("cannot be written: ") + e.what(), "LMC_FILE")));
-    return int(lmc::Exit::Io);
+    return int(failedOutput(e));
   } catch (const std::exception& e) {
     lmc::tell(fmt::format("{}\n", lmc::line("error", "lmc", "", std::string("internal: ") + e.what(), "LMC_INTERNAL")));
     return int(lmc::Exit::Internal);

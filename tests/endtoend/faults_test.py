@@ -274,11 +274,13 @@ class Streams(Case):
         with open("/dev/full", "w") as full:
             done = subprocess.run(self.command(*self.SMALL, "--json"), stdin=subprocess.DEVNULL, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
         self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("standard output: error: cannot be written: No space left on device [LMC_FILE]", done.stderr)
 
     def test_reader_that_goes_away(self):
         done = subprocess.run(["bash", "-c", '"$@" | head -c 1 >/dev/null; exit "${PIPESTATUS[0]}"', "bash", *self.command(*self.SMALL, "--json")],
                               stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, timeout=60)
         self.assertIn(done.returncode, (0, 2), done.stderr)
+        self.assertNotIn("standard output", done.stderr)
 
     def test_closed_streams(self):
         whole = self.path("whole")
