@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <string_view>
 #include <system_error>
 
 #include "libscene/files.h"
@@ -28,10 +29,12 @@
 
 namespace {
 
-// The stages look often, but not within every outside library: who is asked to stop does so within this.
-constexpr unsigned kPatience_us = 800'000, kMoment_us = 10'000;
+// The stages look often, but not within every outside library: who is asked to stop does so within this. To give back the memory of a
+// large level takes the system as long again, and a second is promised.
+constexpr unsigned kPatience_us = 500'000, kMoment_us = 10'000;
 
-constexpr char kGoesOn[] = "lmc: stopped: finished tiles are kept, and the same command goes on with them [LMC_RESUME]\n";
+constexpr std::string_view kStopped = "stopped\n",
+                           kGoesOn = "lmc: stopped: finished tiles are kept, and the same command goes on with them [LMC_RESUME]\n";
 
 void leave(int signal) {
   if (lmc::isNamingFiles()) {  // a set is all but there
@@ -39,7 +42,8 @@ void leave(int signal) {
     return;
   }
   lmc::removeTemporaryFiles();
-  if (lmc::journalHoldsTiles()) static_cast<void>(!write(STDERR_FILENO, kGoesOn, sizeof(kGoesOn) - 1));
+  const std::string_view said = lmc::journalHoldsTiles() ? kGoesOn : kStopped;
+  static_cast<void>(!write(STDERR_FILENO, said.data(), said.size()));
   _exit(128 + signal);
 }
 
@@ -137,7 +141,7 @@ int main(int argc, char** argv) {
   try {
     return runProgram(argc, argv);
   } catch (const lmc::Cancelled&) {
-    lmc::tell("stopped\n");
+    lmc::tell(kStopped);
     return 128 + lmc::askedToStop();
   } catch (const lmc::Error& e) {
     lmc::tell(fmt::format("{}\n", e.what()));

@@ -410,7 +410,7 @@ class Stopping(Case):
             took = time.monotonic() - asked
             with self.subTest(k=k):
                 self.assertEqual(running.returncode, code, stderr)
-                # The program's own limit is 0.8 s; the rest is for a machine that has other things to do.
+                # The program's own limit is 0.5 s; the rest is for a machine that has other things to do.
                 self.assertLess(took, 2.0)
                 self.assertEqual(content(self.out), {})
 
