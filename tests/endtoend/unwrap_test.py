@@ -11,7 +11,7 @@ COUNTS = {'SCALAR': 1, 'VEC2': 2, 'VEC3': 3, 'VEC4': 4}
 
 
 def lmc(*arguments, code=0):
-    done = subprocess.run([OPTIONS.lmc, *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=600)
+    done = subprocess.run([OPTIONS.lmc, *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=5000)  # ctest's own limit is shorter, but for sanitizers
     if done.returncode != code:
         raise AssertionError(f'exit {done.returncode}, wanted {code}: {arguments}\n{done.stderr[-1500:]}')
     return done
