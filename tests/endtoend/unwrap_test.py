@@ -8,10 +8,11 @@ OPTIONS = None
 GRID = 1 << 23                      # map UVs are whole numbers of these parts
 TYPES = {5120: 'b', 5121: 'B', 5122: 'h', 5123: 'H', 5125: 'I', 5126: 'f'}
 COUNTS = {'SCALAR': 1, 'VEC2': 2, 'VEC3': 3, 'VEC4': 4}
+SECONDS = 5000   # ctest's own limit is shorter, but for sanitizers
 
 
 def lmc(*arguments, code=0):
-    done = subprocess.run([OPTIONS.lmc, *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=5000)  # ctest's own limit is shorter, but for sanitizers
+    done = subprocess.run([OPTIONS.lmc, *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=SECONDS)
     if done.returncode != code:
         raise AssertionError(f'exit {done.returncode}, wanted {code}: {arguments}\n{done.stderr[-1500:]}')
     return done
