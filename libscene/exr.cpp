@@ -7,6 +7,7 @@
 #include <ImfIO.h>
 #include <ImfInputFile.h>
 #include <ImfOutputFile.h>
+#include <ImfThreading.h>
 #include <fmt/format.h>
 #include <half.h>
 
@@ -51,10 +52,15 @@ class Source : public Imf::IStream {
 
 constexpr int kRows = 32;  // one PIZ block: rows are turned to halves a block at a time
 
+/// OpenEXR makes its pool of threads, even of none, within the first task; where memory runs out just then, whoever waits for that task
+/// waits for ever.
+void makePool() { Imf::setGlobalThreadCount(0); }
+
 }  // namespace
 
 void writeExr(OutputFile& file, int width, int height, const std::vector<ExrChannel>& channels,
               const std::map<std::string, float>& attributes) {
+  makePool();
   Imf::Header header(width, height);
   header.compression() = Imf::PIZ_COMPRESSION;
   for (const auto& [name, value] : attributes) header.insert(name, Imf::FloatAttribute(value));
@@ -85,6 +91,7 @@ ExrImage readExr(const std::filesystem::path& path, std::uint64_t maxPixels) {
   std::vector<std::uint8_t> bytes = readFile(path);
   try {
     checkExrHeader(path, bytes, maxPixels);
+    makePool();
     Source source(std::move(bytes));
     Imf::InputFile in(source, 1);
     const Imf::Header& header = in.header();
