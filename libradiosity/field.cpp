@@ -5,6 +5,7 @@
 #include <unordered_map>
 
 #include "libradiosity/slopes.h"
+#include "libscene/paging.h"
 #include "libscene/parallel.h"
 #include "libscene/sampling.h"
 #include "libscene/texture.h"
@@ -55,6 +56,7 @@ std::uint32_t DirectMap::texelAt(const Scene& scene, std::uint32_t triangle, glm
   // A UV of exactly 1 lies in the last texel; what is farther out was refused with the charts.
   const int x = std::clamp(int(std::floor(p.x)), 0, width - 1), y = std::clamp(int(std::floor(p.y)), 0, height - 1);
   const std::size_t i = std::size_t(y) * std::size_t(width) + std::size_t(x);
+  Paging::touched();
   // Where charts share a texel, only the one that has it may be read there.
   return chart[i] == kNone || chart[i] != charts->chartOf[triangle] ? kNone : std::uint32_t(i);
 }
@@ -214,8 +216,9 @@ Field::Seen Field::at(const Hit& hit, int half) const {
     // Else another chart has the texel.
     if (!parts_) {
       if (texels_[h][i].chart == t.chart) return texels_[h][i].seen;
-    } else if (map_.chart[i] == t.chart && parts_->places.patch[i] != kNone) {
-      return parts_->at(i, h);
+    } else {
+      Paging::touched();
+      if (map_.chart[i] == t.chart && parts_->places.patch[i] != kNone) return parts_->at(i, h);
     }
   }
   const std::uint32_t id = mesh_.patchAt(hit.triangle, hit.bary, hit.front);

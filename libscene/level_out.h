@@ -20,12 +20,12 @@ class GltfEdit;
 
 /// What is written into a level.
 struct LevelMarks {
-  std::vector<MapFile> maps;                   ///< by Object::map; empty = no light was baked
-  std::vector<std::uint32_t> bakedLightNodes;  ///< get extras.lmc.baked = true
-  bool newUvs = false;                         ///< map UVs are the scene's, no longer the file's
-  int side = 0;                                ///< of the maps [texels]; with new UVs it becomes the level's lightmap.resolution
-  bool asText = false;                         ///< .gltf with its buffer inside, not a GLB
-  std::function<void(GltfEdit&)> more = {};    ///< what else is to be changed, last; may be empty
+  std::vector<MapFile> maps = {};                   ///< by Object::map; empty = no light was baked
+  std::vector<std::uint32_t> bakedLightNodes = {};  ///< get extras.lmc.baked = true
+  bool newUvs = false;                              ///< map UVs are the scene's, no longer the file's
+  int side = 0;                                     ///< of the maps [texels]; with new UVs it becomes the level's lightmap.resolution
+  bool asText = false;                              ///< .gltf with its buffer inside, not a GLB
+  std::function<void(GltfEdit&)> more = {};         ///< what else is to be changed, last; may be empty
 };
 
 /// One self-contained GLB (or glTF text), in memory: the JSON of `level`, of which `scene` was made, with `extras.lmc.lightmap` of every

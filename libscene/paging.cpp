@@ -8,9 +8,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
-#include <charconv>
 #include <chrono>
-#include <csignal>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <new>
@@ -25,16 +24,41 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// The keeper looks the oftener the nearer the limit is: at this rate two threads can fill fresh pages.
-constexpr double kFill_bytes_per_s = 4e9;
-constexpr std::chrono::microseconds kSoonest{500}, kLatest{50'000};
-// Where what cannot be let go leaves less than this, the limit is passed by: to let go all the time would bring the work to a halt.
-constexpr std::uint64_t kLeastRoom_bytes = 32 << 20;
+// Who looks after what is resident does it the oftener the nearer the limit is. Loops do it between their items and by places read: one
+// read maps 64 KB of what the file's cache has, newer kernels up to 2 MB. The keeper does it for all else: that fast is one thread (19
+// seen).
+constexpr std::uint64_t kMostMapped_bytes = 2 << 20;
+constexpr unsigned kMostTouches = 64;
+constexpr double kFill_bytes_per_s = 2e10;
+constexpr std::chrono::microseconds kSoonest{500}, kLatest{20'000};
+// Where what is no file leaves less than this, the limit is passed by: to let go all the time would bring the work to a halt. The program's
+// own code is a part of it.
+constexpr std::uint64_t kLeastRoom_bytes = 48 << 20;
+
+/// Of the process, now; all 0 where the system does not tell.
+struct Resident {
+  std::uint64_t all_bytes = 0;
+  std::uint64_t files_bytes = 0;  // of files and what is shared: blocks, and the program itself
+};
+
+Resident resident() {
+  static const int file = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+  char text[128];
+  const ssize_t n = file < 0 ? -1 : ::pread(file, text, sizeof text - 1, 0);
+  if (n <= 0) return {};
+  text[n] = '\0';
+  unsigned long all = 0, files = 0;  // pages, after those that are mapped
+  if (std::sscanf(text, "%*u %lu %lu", &all, &files) != 2) return {};
+  const auto page_bytes = std::uint64_t(::sysconf(_SC_PAGESIZE));
+  return {all * page_bytes, std::min(all, files) * page_bytes};
+}
 
 struct Mapped {
   void* data;
   std::size_t bytes;
 };
+
+constexpr std::uint64_t kNoLimit = ~std::uint64_t(0);
 
 /// Blocks in files, and where new ones go.
 struct Store {
@@ -43,6 +67,13 @@ struct Store {
   bool open = false;
   fs::path folder;
   std::size_t least_bytes = 0;
+  std::atomic<std::uint64_t> most_bytes = kNoLimit;  // while no Paging is at work
+  std::atomic<unsigned> threads = 1;
+
+  // The pages stay in the file's cache, which is the system's to drop; whoever reads or writes one at this moment finds it again.
+  void release() const {
+    for (const Mapped& m : blocks) ::madvise(m.data, m.bytes, MADV_DONTNEED);
+  }
 };
 
 // Not a static object's destructor: blocks of other static objects may end after it.
@@ -121,7 +152,7 @@ Block::~Block() {
   ::munmap(data_, bytes_);
 }
 
-Paging::Paging(fs::path folder, std::uint64_t most_bytes, std::size_t least_bytes) : most_bytes_(most_bytes) {
+Paging::Paging(fs::path folder, std::uint64_t most_bytes, int threads, std::size_t least_bytes) {
   try {
     keeper_ = std::thread([this] { keep(); });
   } catch (const std::system_error& e) {
@@ -131,6 +162,8 @@ Paging::Paging(fs::path folder, std::uint64_t most_bytes, std::size_t least_byte
   const std::lock_guard lock(s.mutex);
   s.folder = std::move(folder);
   s.least_bytes = std::max<std::size_t>(1, least_bytes);
+  s.most_bytes = most_bytes;
+  s.threads = unsigned(std::max(1, threads));
   s.open = true;
 }
 
@@ -139,6 +172,7 @@ Paging::~Paging() {
     Store& s = store();
     const std::lock_guard lock(s.mutex);
     s.open = false;
+    s.most_bytes = kNoLimit;
   }
   {
     const std::lock_guard lock(mutex_);
@@ -151,36 +185,40 @@ Paging::~Paging() {
 void Paging::release() {
   Store& s = store();
   const std::lock_guard lock(s.mutex);
-  // The pages stay in the file's cache, which is the system's to drop; whoever reads or writes one at this moment finds it again.
-  for (const Mapped& m : s.blocks) ::madvise(m.data, m.bytes, MADV_DONTNEED);
+  s.release();
+}
+
+std::uint64_t Paging::keepToMost() {
+  Store& s = store();
+  const auto room = [&] {
+    const std::uint64_t most = s.most_bytes;
+    if (most == kNoLimit) return kNoLimit;
+    const Resident now = resident();
+    const std::uint64_t allowed = std::max(most, now.all_bytes - now.files_bytes + kLeastRoom_bytes);
+    return allowed - std::min(allowed, now.all_bytes);
+  };
+  if (const std::uint64_t left = room(); left > 0) return left;
+  // Threads that come here meanwhile wait, and find it done: so no more comes in than each brings between two calls.
+  const std::lock_guard lock(s.mutex);
+  if (const std::uint64_t left = room(); left > 0) return left;
+  s.release();
+  return room();
+}
+
+unsigned Paging::touchesAllowed() {
+  // Half of the room, shared by all threads: what others bring in meanwhile is not known.
+  const std::uint64_t share_bytes = keepToMost() / (2 * store().threads);
+  return unsigned(std::clamp<std::uint64_t>(share_bytes / kMostMapped_bytes, 1, kMostTouches));
 }
 
 void Paging::keep() {
-  std::uint64_t stays_bytes = 0;  // what cannot be let go, as far as it was seen
   std::unique_lock lock(mutex_);
   while (!done_) {
-    std::uint64_t resident = residentBytes();
-    stays_bytes = std::min(stays_bytes, resident);
-    if (resident > std::max(most_bytes_, stays_bytes + kLeastRoom_bytes)) {
-      release();
-      stays_bytes = resident = residentBytes();
-    }
-    const std::uint64_t allowed_bytes = std::max(most_bytes_, stays_bytes + kLeastRoom_bytes);
-    const double room_s = double(allowed_bytes - std::min(allowed_bytes, resident)) / kFill_bytes_per_s;
-    const std::chrono::microseconds wait(std::int64_t(1e6 * room_s));
-    ended_.wait_for(lock, std::clamp(wait, kSoonest, kLatest));
+    const double room_s = double(keepToMost()) / kFill_bytes_per_s;
+    ended_.wait_for(lock, std::clamp(std::chrono::microseconds(std::int64_t(1e6 * room_s)), kSoonest, kLatest));
   }
 }
 
-std::uint64_t residentBytes() {
-  static const int file = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
-  char text[128];
-  const ssize_t n = file < 0 ? -1 : ::pread(file, text, sizeof text, 0);
-  if (n <= 0) return 0;
-  const char* at = std::find(text, text + n, ' ');
-  std::uint64_t pages = 0;
-  if (at < text + n) std::from_chars(at + 1, text + n, pages);
-  return pages * std::uint64_t(::sysconf(_SC_PAGESIZE));
-}
+std::uint64_t residentBytes() { return resident().all_bytes; }
 
 }  // namespace lmc

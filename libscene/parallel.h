@@ -9,6 +9,7 @@
 #include <mutex>
 #include <thread>
 
+#include "libscene/paging.h"
 #include "libscene/run.h"
 
 #ifdef __SANITIZE_THREAD__
@@ -88,7 +89,7 @@ void forRanges(std::size_t n, std::size_t grain, const F& f) {
 #endif
 
 /// f(i) for every i in [0, n), `grain` indices at a time. Reports progress in steps of work done; an exception of any f(i) (Cancelled
-/// among them) ends the loop and comes out of it.
+/// among them) ends the loop and comes out of it. What it brought in of arrays that memory need not hold is let go where it is too much.
 template <class F>
 void parallelFor(const Run& run, std::size_t n, std::size_t grain, F&& f) {
   if (n == 0) return;
@@ -96,6 +97,7 @@ void parallelFor(const Run& run, std::size_t n, std::size_t grain, F&& f) {
   std::mutex reporting;
   forRanges(n, std::max<std::size_t>(1, grain), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i != end; ++i) f(i);
+    Paging::keepToMost();
     const std::size_t now = done.fetch_add(end - begin) + end - begin;
     if (std::unique_lock lock(reporting, std::try_to_lock); lock) run.progress(double(now) / double(n));
   });

@@ -28,9 +28,8 @@ constexpr std::uint64_t kDensePair = 12;
 constexpr std::uint64_t kMostTiles = 512 << 20;  // that are kept
 // Of texels' state, when it lies in files: what is in work, and what stays in memory of each texel (cells, pools).
 constexpr std::uint64_t kWindow = 96 << 20, kTexelStays = 16;
-// Without --memory: so much, or if the level takes more, so much beside it. Pages are let go late where threads fill them fast: up to 480 MB
-// more were seen.
-constexpr std::uint64_t kUnasked = 832 << 20, kUnaskedWindow = 256 << 20;
+// Without --memory: so much, or if the level takes more, so much beside it.
+constexpr std::uint64_t kUnasked = 960 << 20, kUnaskedWindow = 256 << 20;
 
 template <class T>
 std::uint64_t bytes(const std::vector<T>& v) {

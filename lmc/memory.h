@@ -32,7 +32,7 @@ MemoryPlan planMemory(const Scene&, const BakeOptions&, int side, int maps, bool
 std::optional<std::uint64_t> bytesOf(std::string_view text);
 /// The size in whole M, rounded up: what bytesOf takes.
 std::string sizeText(std::uint64_t bytes);
-/// "832M of memory", or with files "832M of memory and 3340M of disk".
+/// "960M of memory", or with files "960M of memory and 3340M of disk".
 std::string sizeText(const MemoryPlan&);
 
 }  // namespace lmc

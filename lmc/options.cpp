@@ -421,7 +421,7 @@ void addBake(CLI::App* app, BakeOptions& o) {
       ->type_name("WHAT");
   app->add_option_function<std::string>(
          "--memory", [&o](const std::string& t) { o.memory_bytes = memoryOf(t); },
-         "what the process may hold, within 10 %, such as 512M or 2G [default: 832M, or 256M beside a level that takes more]: what lmc "
+         "what the process may hold, within 10 %, such as 512M or 2G [default: 960M, or 256M beside a level that takes more]: what lmc "
          "keeps a texel then lies in files in OUT; never changes a result; exit code 8, before the work, where less than the least")
       ->type_name("SIZE")
       ->group(kBakeLimits);

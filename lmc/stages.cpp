@@ -162,7 +162,8 @@ void charts(Bake& b) {
                     b.options.memory_bytes > 0 ? "the limit is" : "this machine has", sizeText(b.memory.limit_bytes)),
         "LMC_MEMORY");
   if (b.memory.paged() && !b.paging)
-    b.paging = std::make_shared<Paging>(scratchFolder(b.options), std::uint64_t(kHeldShare * double(b.memory.held_bytes)));
+    b.paging =
+        std::make_shared<Paging>(scratchFolder(b.options), std::uint64_t(kHeldShare * double(b.memory.held_bytes)), threadCount(b.run));
   b.charts = findCharts(b.scene, side, b.run);
   b.texels = std::make_unique<TexelMap>(b.scene, b.charts, side, b.uv.maps);
   b.texels->keepAtMost(b.memory.tiles_bytes);

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cmath>
 #include <csignal>
 #include <cstdint>
@@ -16,6 +17,8 @@
 #include <vector>
 
 #include "libscene/error.h"
+#include "libscene/parallel.h"
+#include "libscene/rng.h"
 #include "libscene/texel_array.h"
 
 namespace lmc {
@@ -57,12 +60,20 @@ class PagingTest : public testing::Test {
     return out;
   }
 
+  /// Of all files together, at one moment: residentOf goes over an array while others let it go, and may count a piece twice.
+  static std::uint64_t residentOfFiles() {
+    std::ifstream in("/proc/self/statm");
+    std::uint64_t all = 0, resident = 0, ofFiles = 0;
+    in >> all >> resident >> ofFiles;
+    return ofFiles * std::uint64_t(::sysconf(_SC_PAGESIZE));
+  }
+
   static constexpr std::uint64_t kPlenty = std::uint64_t(1) << 40;
   const fs::path folder_;
 };
 
 TEST_F(PagingTest, ArraysBeginAsZerosAndHoldTheirContentOverAReleaseAtOddSizes) {
-  const Paging paging(folder_, kPlenty, 1);
+  const Paging paging(folder_, kPlenty, 1, 1);
   for (const std::size_t n :
        {std::size_t(0), std::size_t(1), std::size_t(1023), std::size_t(1024), std::size_t(1025), std::size_t(1234567)}) {
     const TexelArray<std::uint32_t> zeros(n);
@@ -84,7 +95,7 @@ TEST_F(PagingTest, ArraysBeginAsZerosAndHoldTheirContentOverAReleaseAtOddSizes) 
 
 TEST_F(PagingTest, AReleaseMakesThemNotResidentAndReadingBringsThemBack) {
   constexpr std::uint64_t kBytes = 64 << 20;
-  const Paging paging(folder_, kPlenty);
+  const Paging paging(folder_, kPlenty, 1);
   const TexelArray<std::uint32_t> a = counted(kBytes / 4);
   EXPECT_GT(residentOf(a), kBytes / 2);
   EXPECT_GT(residentBytes(), residentOf(a));
@@ -96,7 +107,7 @@ TEST_F(PagingTest, AReleaseMakesThemNotResidentAndReadingBringsThemBack) {
 TEST_F(PagingTest, FilesHaveNoNamesAndArraysOutliveThePaging) {
   TexelArray<std::uint32_t> a;
   {
-    const Paging paging(folder_, kPlenty);
+    const Paging paging(folder_, kPlenty, 1);
     a = counted(1 << 20);
     EXPECT_TRUE(folderIsEmpty());
   }
@@ -106,7 +117,7 @@ TEST_F(PagingTest, FilesHaveNoNamesAndArraysOutliveThePaging) {
 }
 
 TEST_F(PagingTest, SmallArraysStayInMemory) {
-  const Paging paging(folder_, kPlenty, std::size_t(1) << 30);
+  const Paging paging(folder_, kPlenty, 1, std::size_t(1) << 30);
   const TexelArray<std::uint32_t> a = counted(16 << 20);
   const std::uint64_t before = residentBytes();
   Paging::release();
@@ -114,7 +125,7 @@ TEST_F(PagingTest, SmallArraysStayInMemory) {
 }
 
 TEST_F(PagingTest, ThreadsWriteWhileAllIsLetGo) {
-  const Paging paging(folder_, kPlenty);
+  const Paging paging(folder_, kPlenty, 1);
   constexpr std::size_t kThreads = 4, kEach = 1 << 20;
   TexelArray<std::uint32_t> a(kThreads * kEach);
   std::vector<std::thread> threads;
@@ -134,7 +145,7 @@ TEST_F(PagingTest, ThreadsWriteWhileAllIsLetGo) {
 
 TEST_F(PagingTest, TheProcessKeepsToItsMost) {
   constexpr std::uint64_t kMost = 64 << 20, kArray = 512 << 20;
-  const Paging paging(folder_, residentBytes() + kMost);
+  const Paging paging(folder_, residentBytes() + kMost, 1);
   TexelArray<std::uint32_t> a(kArray / 4);
   std::uint64_t most = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -142,8 +153,52 @@ TEST_F(PagingTest, TheProcessKeepsToItsMost) {
     if (i % (1 << 18) == 0) most = std::max(most, residentOf(a));
   }
   EXPECT_EQ(wrong(a), 0u);
-  // The keeper looks when it gets to run: half of the array is far more than it lets pass even on a machine that is busy.
+  // No loop of many threads: the keeper looks, when it gets to run. Half of the array is far more than it lets pass even on a machine that
+  // is busy.
   EXPECT_LT(most, kArray / 2);
+}
+
+TEST_F(PagingTest, LoopsOfManyThreadsKeepToItWithinWhatTheyHaveInWork) {
+  // At the start of an item no more is in memory than may be, but for what other threads have brought in since they last looked: a piece
+  // each, or in random places their share of half of the room. The program's own pages may come in meanwhile, too.
+  constexpr std::uint64_t kMost = 64 << 20, kPiece = 2 << 20, kPieces = 256, kProgram = 8 << 20;
+  constexpr std::size_t kEntries = kPiece / 4, kReads = 4096;
+  constexpr int kThreads = 4;
+  const Paging paging(folder_, residentBytes() + kMost, kThreads);
+  TexelArray<std::uint32_t> a(kPieces * kEntries);
+  const lmc::Run run{kThreads, 0, {}, {}};
+  const std::uint64_t others = residentOfFiles();  // the program itself
+  std::atomic<std::uint64_t> most = 0, sum = 0;
+  const auto look = [&] {
+    const std::uint64_t now = residentOfFiles() - others;
+    for (std::uint64_t before = most; now > before && !most.compare_exchange_weak(before, now);) {
+    }
+  };
+  withThreads(run, [&] {
+    parallelFor(run, kPieces, 1, [&](std::size_t p) {
+      look();
+      std::iota(a.begin() + p * kEntries, a.begin() + (p + 1) * kEntries, std::uint32_t(p * kEntries) + 1);
+    });
+    EXPECT_LT(most, kMost + kThreads * kPiece + kProgram) << "written";
+    most = 0;
+    parallelFor(run, kPieces, 1, [&](std::size_t p) {
+      look();
+      sum += std::accumulate(a.begin() + p * kEntries, a.begin() + (p + 1) * kEntries, std::uint64_t(0));
+    });
+    EXPECT_LT(most, kMost + kThreads * kPiece + kProgram) << "read";
+    most = 0;
+    parallelFor(run, 16, 1, [&](std::size_t p) {
+      for (std::size_t k = 0; k < kReads; ++k) {
+        const std::size_t i = std::size_t(combine(p, k)) % a.size();
+        Paging::touched();
+        EXPECT_EQ(a[i], std::uint32_t(i) + 1);
+        if (k % 64 == 0) look();
+      }
+    });
+    EXPECT_LT(most, kMost + kMost / 2 + kThreads * kPiece + kProgram) << "read at random";
+  });
+  EXPECT_EQ(sum, a.size() * (a.size() + 1) / 2);
+  EXPECT_EQ(wrong(a), 0u);
 }
 
 TEST_F(PagingTest, AFullDiskIsALimitBeforeAnythingIsWritten) {
@@ -151,7 +206,7 @@ TEST_F(PagingTest, AFullDiskIsALimitBeforeAnythingIsWritten) {
   struct rlimit before {};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
   const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
-  const Paging paging(folder_, kPlenty);
+  const Paging paging(folder_, kPlenty, 1);
   const rlimit small{8 << 20, before.rlim_max};
   ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
   try {
@@ -168,7 +223,7 @@ TEST_F(PagingTest, AFullDiskIsALimitBeforeAnythingIsWritten) {
 }
 
 TEST_F(PagingTest, AFolderThatTakesNoFilesIsAnErrorOfOutput) {
-  const Paging paging(folder_ / "missing", kPlenty);
+  const Paging paging(folder_ / "missing", kPlenty, 1);
   try {
     const TexelArray<std::uint32_t> a(1 << 20);
     ADD_FAILURE();

@@ -75,7 +75,7 @@ TEST(Options, HelpOfABakeNamesEveryLimitWithItsDefault) {
                             "--max-nodes UINT=1000000", "--max-instances UINT=1000000", "--max-json-depth INT:INT in [1 - 512]=64",
                             "--max-extent FLOAT:FLOAT in [1e-09 - 1e+15]=1e+09", "--max-patches UINT:INT in [16 - 10000000]=200000",
                             "--max-links UINT:UINT in [1 - 1099511627776]=40000000", "--max-maps INT:INT in [1 - 1024]=16",
-                            "--map-size INT:INT in [4 - 16384]", "--memory SIZE", "default: 832M", "16384 x 16384 texels", "Exit codes: "})
+                            "--map-size INT:INT in [4 - 16384]", "--memory SIZE", "default: 960M", "16384 x 16384 texels", "Exit codes: "})
     EXPECT_NE(help.find(limit), std::string::npos) << limit;
   EXPECT_EQ(help.find("{false}"), std::string::npos);
 }
