@@ -33,7 +33,7 @@ constexpr double kFill_bytes_per_s = 2e10;
 constexpr std::chrono::microseconds kSoonest{500}, kLatest{20'000};
 // Where what is no file leaves less than this, the limit is passed by: to let go all the time would bring the work to a halt. The program's
 // own code is a part of it.
-constexpr std::uint64_t kLeastRoom_bytes = 48 << 20;
+constexpr std::uint64_t kLeastRoom_bytes = 32 << 20;
 
 /// Of the process, now; all 0 where the system does not tell.
 struct Resident {
