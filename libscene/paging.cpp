@@ -24,10 +24,12 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Who looks after what is resident does it the oftener the nearer the limit is. Loops do it between their items and by places read: one
-// read maps 64 KB of what the file's cache has, newer kernels up to 2 MB. The keeper does it for all else: that fast is one thread (19
-// seen).
+// Of the machine's memory: files up to there stay in the cache. Nothing is to be read ahead for them then: newer kernels (6.18 does) fill
+// it in pieces of up to 2 MB and map a whole one wherever a byte is read; else a read maps 64 KB.
+constexpr double kShareOfCache = 0.5;
 constexpr std::uint64_t kMostMapped_bytes = 2 << 20;
+// Who looks after what is resident does it the oftener the nearer the limit is: loops between their items and by places read, the keeper
+// for all else.
 constexpr unsigned kMostTouches = 64;
 constexpr double kFill_bytes_per_s = 2e10;
 constexpr std::chrono::microseconds kSoonest{500}, kLatest{20'000};
@@ -125,6 +127,9 @@ void* mapWhereOpen(std::size_t bytes) {
   s.blocks.reserve(s.blocks.size() + 1);  // what follows may not throw any more
   void* const data = mapFile(s.folder, bytes);
   s.blocks.push_back({data, bytes});
+  std::uint64_t all_bytes = 0;
+  for (const Mapped& m : s.blocks) all_bytes += m.bytes;
+  if (double(all_bytes) < kShareOfCache * double(physicalBytes())) ::madvise(data, bytes, MADV_RANDOM);
   return data;
 }
 
@@ -220,5 +225,7 @@ void Paging::keep() {
 }
 
 std::uint64_t residentBytes() { return resident().all_bytes; }
+
+std::uint64_t physicalBytes() { return std::uint64_t(::sysconf(_SC_PHYS_PAGES)) * std::uint64_t(::sysconf(_SC_PAGESIZE)); }
 
 }  // namespace lmc

@@ -71,5 +71,7 @@ class Paging {
 
 /// Of the process, now; 0 where the system does not tell.
 std::uint64_t residentBytes();
+/// What memory the machine has.
+std::uint64_t physicalBytes();
 
 }  // namespace lmc

@@ -10,6 +10,8 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "libscene/paging.h"
+
 namespace lmc {
 
 namespace {
@@ -32,7 +34,7 @@ std::uint64_t peakBytes() {
 }
 
 std::uint64_t memoryBytes() {
-  std::uint64_t bytes = std::uint64_t(sysconf(_SC_PHYS_PAGES)) * std::uint64_t(sysconf(_SC_PAGESIZE));
+  std::uint64_t bytes = physicalBytes();
   rlimit limit{};
   if (getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY) bytes = std::min<std::uint64_t>(bytes, limit.rlim_cur);
   return bytes;

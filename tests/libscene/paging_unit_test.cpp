@@ -104,6 +104,17 @@ TEST_F(PagingTest, AReleaseMakesThemNotResidentAndReadingBringsThemBack) {
   EXPECT_EQ(wrong(a), 0u);
 }
 
+TEST_F(PagingTest, AReadBringsInLittleOfWhatLiesBesideIt) {
+  // What looks at one texel here and there would else bring in all, faster than anybody lets go of it.
+  constexpr std::uint64_t kBytes = 256 << 20, kApart = 2 << 20, kAround = 64 << 10;  // the kernel's own, unless it is told otherwise
+  const Paging paging(folder_, kPlenty, 1);
+  const TexelArray<std::uint32_t> a = counted(kBytes / 4);
+  Paging::release();
+  std::size_t reads = 0;
+  for (std::size_t i = kApart / 8; i < a.size(); i += kApart / 4, ++reads) EXPECT_EQ(a[i], std::uint32_t(i) + 1);
+  EXPECT_LE(residentOf(a), 2 * reads * kAround);
+}
+
 TEST_F(PagingTest, FilesHaveNoNamesAndArraysOutliveThePaging) {
   TexelArray<std::uint32_t> a;
   {
