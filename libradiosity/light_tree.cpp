@@ -311,12 +311,12 @@ LightTree::Choice LightTree::Groups::choose(const SurfacePoint& p, double& u, st
     const glm::dvec3 to = n->centre_m - p.position_m;
     if (n->alike && n->radius_m * n->radius_m < kCompact * kCompact * glm::dot(to, to)) {
       const std::span<const double> before(tree_.before_.data() + n->first, n->count + 1);
-      const double strength = before.back() - before[0], at = before[0] + u * strength;
+      const double strength = before.back() - before[0], drawn = before[0] + u * strength;
       // Of even lights, the one that u points at.
       auto k = std::min(std::size_t(u * n->count), std::size_t(n->count) - 1);
-      if (!(before[k] <= at && at < before[k + 1])) k = std::min(partAt(before, at), std::size_t(n->count) - 1);
+      if (!(before[k] <= drawn && drawn < before[k + 1])) k = std::min(partAt(before, drawn), std::size_t(n->count) - 1);
       const double own = before[k + 1] - before[k];
-      u = std::clamp((at - before[k]) / own, 0.0, kBelowOne);
+      u = std::clamp((drawn - before[k]) / own, 0.0, kBelowOne);
       return {tree_.lights_[n->first + k], share * own / strength};
     }
     const Node *left = &tree_.nodes_[n->child], *right = left + 1;

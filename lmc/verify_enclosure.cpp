@@ -1,4 +1,6 @@
 /// Reference cases of enclosures.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -120,7 +122,7 @@ Got refined(const std::vector<Strip>& strips, double standardError, const std::f
 Evaluate stripValues(const std::vector<Strip>& strips, const std::vector<bool>& fromEdge) {
   return [=](const Wanted& w) -> std::optional<Got> {
     for (std::size_t s = 0; s < strips.size(); ++s) {
-      const std::string one = "H" + std::to_string(s + 1) + "_", many = "[" + std::to_string(s) + "]";
+      const std::string one = fmt::format("H{}_", s + 1), many = fmt::format("[{}]", s);
       std::string what;
       if (w.name.starts_with(one)) what = w.name.substr(one.size());
       if (w.name.starts_with("H_") && w.name.ends_with(many)) what = w.name.substr(2, w.name.size() - 2 - many.size());
@@ -264,7 +266,7 @@ Evaluate squarePlates(const Parameters& g, const VerifyContext& context) {
   const auto bakes = std::make_shared<Bakes>(b.scene, o, context);
   return [=](const Wanted& w) -> std::optional<Got> {
     for (std::uint32_t i = 0; i < 2; ++i) {
-      const std::string stem = "H" + std::to_string(i + 1) + "_";
+      const std::string stem = fmt::format("H{}_", i + 1);
       if (!w.name.starts_with(stem)) continue;
       const std::string what = w.name.substr(stem.size());
       if (what == "mean") return bakes->value(w.standardError, [&](const Baked& k) { return k.mean(i).x; });

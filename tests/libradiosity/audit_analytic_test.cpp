@@ -112,7 +112,9 @@ TEST(Audit, RaysStayWithinTheLimit) {
     Direct d(furnace(0.5f, 1.0f));
     const AuditResult a = d.audited({}, rays);
     EXPECT_LE(a.rays, rays);
-    if (a.drawn > 0) EXPECT_GT(a.rays, rays / 2);
+    if (a.drawn > 0) {
+      EXPECT_GT(a.rays, rays / 2);
+    }
   }
   Direct d(furnace(0.5f, 1.0f));
   EXPECT_EQ(d.audited({}, 1000).drawn, 0u);  // too few to say anything
