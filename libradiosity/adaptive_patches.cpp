@@ -45,8 +45,7 @@ TexelArray<Rgb> indirectOf(const Scene& scene, const Tracer& tracer, const Direc
 
 PatchMesh makeAdaptivePatches(const Scene& scene, const Tracer& tracer, const DirectLight& direct, const DirectMap& map,
                               const TexelMap& texels, const PatchOptions& coarsest, const Run& run) {
-  Run quiet = run;
-  quiet.onProgress = {};
+  const Run quiet = run.quiet();
   PatchOptions options = coarsest;
   options.levels = 0;
   PatchMesh mesh = makePatches(scene, options, quiet);

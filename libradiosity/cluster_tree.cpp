@@ -149,8 +149,7 @@ ClusterTree makeClusters(const Scene& scene, const PatchMesh& mesh, const Run& r
   ClusterTree tree;
   tree.leafOf.assign(mesh.patches.size(), kNone);
   std::vector<Shape> shapes(mesh.patches.size());
-  Run quiet = run;
-  quiet.onProgress = {};
+  const Run quiet = run.quiet();
   parallelFor(quiet, mesh.patches.size(), 256, [&](std::size_t i) {
     const Patch& p = mesh.patches[i];
     Shape& s = shapes[i];

@@ -338,8 +338,7 @@ double LinkSet::refine(const std::vector<NodeLight>& light, double threshold) {
   std::vector<Pair> next;
   LinkStats stats = stats_;
   double error = 0.0;
-  Run quiet = run_;
-  quiet.onProgress = {};
+  const Run quiet = run_.quiet();
   constexpr std::size_t kAtOnce = 1 << 16;
   while (!open.empty()) {
     next.clear();

@@ -92,8 +92,7 @@ MapCells::MapCells(const MapLayout& map, const Scene& scene, const TexelMap& tex
     for (std::size_t i = 0; i < gathered_.size(); ++i) gathered_[i] = map.chart[i] != kNone;
     return;
   }
-  Run quiet = run;
-  quiet.onProgress = nullptr;
+  const Run quiet = run.quiet();
   const Middles at = middlesOf(map, scene, texels, quiet);
   const TexelArray<std::uint8_t> joined = joins(map, at);
 

@@ -18,6 +18,7 @@ constexpr std::uint32_t kPilotPlaces = 8;  // each half, on every texel that a l
 
 constexpr std::size_t kPilotParts = 64;                   // sums of a pilot
 constexpr std::size_t kTimedTiles = 24, kLeastTimed = 2;  // one of so many tiles tells what a ray takes
+constexpr double kTimedShare = 0.2;                       // of the pilot's time, about
 constexpr std::uint32_t kMostPlaces = 128;
 constexpr std::size_t kDrawsAPlace = 2;  // of groups, at first
 constexpr std::size_t kPilotDraws = kDrawsAPlace * kPilotPlaces;
@@ -532,15 +533,19 @@ DirectPilot pilotDirect(LightMap& map, const Scene& scene, const TexelMap& texel
   DirectPilot none;
   none.lights.resize(scene.lights.size());
   none.objects.resize(scene.objects.size());
-  const double ray_s = timeRays(map, scene, texels, direct, options, run);
+  const double ray_s = timeRays(map, scene, texels, direct, options, run.part(0.0, kTimedShare));
   std::vector<DirectPilot> tiles(std::min(texels.tileCount(), kPilotParts), none);
+  const Run rest = run.part(kTimedShare, 1.0);
+  Between between(rest, texels.tileCount());
   // Few sums, each over tiles in order.
-  parallelFor(run, tiles.size(), 1, [&](std::size_t p) {
-    for (std::size_t t = p; t < texels.tileCount(); t += tiles.size()) {
-      const auto held = texels.held(t);
-      const TexelTile& tile = *held;
-      if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options, 1, run.seed).pilot(tiles[p]);
-    }
+  forRanges(tiles.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t p = begin; p < end; ++p)
+      for (std::size_t t = p; t < texels.tileCount(); t += tiles.size()) {
+        const auto held = texels.held(t);
+        const TexelTile& tile = *held;
+        if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options, 1, run.seed).pilot(tiles[p]);
+        between.done(1);
+      }
   });
   for (const DirectPilot& p : tiles) none += p;
   none.ray_s = ray_s;

@@ -335,7 +335,7 @@ class HemisphereBaker {
       kept.put();
     });
     ++round_;
-    parallelFor(Run{run_.threads, run_.seed, {}, {}}, guides_.size(), 16, [&](std::size_t g) { guides_[g].build(); });
+    parallelFor(run_.quiet(), guides_.size(), 16, [&](std::size_t g) { guides_[g].build(); });
     return true;
   }
 

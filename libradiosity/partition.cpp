@@ -284,8 +284,7 @@ void Partition::findRooms(const Scene& scene, const PatchMesh& mesh, const Run& 
   if (words == 0 || tree_.nodes.empty()) return;
   using Set = std::vector<std::uint64_t>;
   std::vector<Set> looked(mesh.patches.size(), Set(words, 0));
-  Run quiet = run;
-  quiet.onProgress = {};
+  const Run quiet = run.quiet();
   parallelFor(quiet, mesh.patches.size(), 64, [&](std::size_t i) {
     const Patch& p = mesh.patches[i];
     for (std::uint32_t l = 0; l < p.leafCount; ++l) cells_.addCellsOf(leafCorners(scene, mesh.leaves[p.firstLeaf + l], p.back), looked[i]);

@@ -114,8 +114,7 @@ Solution shoot(const Scene& scene, const Tracer& tracer, const PatchMesh& mesh, 
         count += shooters[end++].rays;
       }
       hits.resize(std::size_t(count));
-      Run quiet = run;
-      quiet.onProgress = [&](double) { return true; };
+      const Run quiet = run.quiet();
       parallelFor(quiet, end - begin, 16, [&](std::size_t k) {
         const Shooter& s = shooters[begin + k];
         const Sobol4 numbers = sequence(run.seed, Draw::Shoot, options.stream, std::uint32_t(out.passes), s.patch, 0, 0);

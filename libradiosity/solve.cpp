@@ -115,7 +115,7 @@ FormFactors computeFormFactors(const Scene& scene, const Tracer& tracer, const P
   std::vector<double> d(n, 1.0), row(n);
   double area = 0.0;
   for (int step = 0; step < kScalings; ++step) {
-    parallelFor(Run{run.threads, run.seed, {}, {}}, n, 16, [&](std::size_t i) {
+    parallelFor(run.quiet(), n, 16, [&](std::size_t i) {
       double sum = 0.0;
       for (std::size_t j = 0; j < n; ++j) sum += double(f.exchange_m2[i * n + j]) * d[j];
       row[i] = sum;

@@ -67,8 +67,7 @@ class Transport {
         m.z += share * (size * f.z + off.z * f.mean);
       }
     }
-    Run quiet = run;
-    quiet.onProgress = {};
+    const Run quiet = run.quiet();
     parallelFor(quiet, nodes.size(), 256, [&](std::size_t i) {
       Moments<V> sum;
       if (!(nodes[i].area_m2 > 0.0)) return;
@@ -131,8 +130,7 @@ void findClosure(Surfaces& s, const ClusterTree& tree, const Scene& scene, const
   for (const std::uint32_t part : parts(tree, kClosurePatches))
     if (lost[part] > 0)
       for (std::uint32_t k = 0; k < tree.nodes[part].count; ++k) open.push_back(tree.nodes[part].first + k);
-  Run quiet = run;
-  quiet.onProgress = {};
+  const Run quiet = run.quiet();
   parallelFor(quiet, open.size(), 16, [&](std::size_t n) {
     const std::uint32_t k = open[n], id = tree.order[k];
     const Patch& patch = mesh.patches[id];

@@ -75,8 +75,7 @@ class Hits {
     std::vector<Sender> senders(n);
     for (std::size_t i = 0; i < n; ++i) senders[i] = {s.scale[i] * b[i], density_[i]};
     power.assign(n, V(0.0));
-    Run quiet = run;
-    quiet.onProgress = {};
+    const Run quiet = run.quiet();
     const auto given = [&](std::size_t i, std::size_t j) { return senders[j].scaled / (density_[i] + senders[j].density); };
     parallelFor(quiet, n, 64, [&](std::size_t i) {
       std::vector<std::uint32_t> own;

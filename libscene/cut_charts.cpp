@@ -163,7 +163,6 @@ std::vector<FlatChart> cutCharts(const Surface& s, std::vector<std::uint32_t> fa
   std::vector<FlatChart> out;
   std::vector<Faces> open = components(s, faces);
   FaceSets sets{std::vector<std::uint32_t>(s.triangles.size(), kNone), std::vector<std::uint32_t>(s.triangles.size(), 0)};
-  const Run quiet{run.threads, run.seed, [&](double) { return !run.onProgress || run.onProgress(0.0); }, {}};
   std::uint32_t set = 0;  // a new number for every set: what became a chart keeps its own
   while (!open.empty()) {
     for (const Faces& part : open) {
@@ -178,7 +177,7 @@ std::vector<FlatChart> cutCharts(const Surface& s, std::vector<std::uint32_t> fa
       std::array<Faces, 2> halves;
     };
     std::vector<Result> results(open.size());
-    parallelFor(quiet, open.size(), 1, [&](std::size_t i) {
+    parallelFor(run.quiet(), open.size(), 1, [&](std::size_t i) {
       results[i].chart = flatten(s, open[i], sets, kMaxChartStretch);
       if (!results[i].chart) results[i].halves = Splitter(s, open[i], sets).split();
     });

@@ -42,7 +42,7 @@ struct Message {
 /// "FILE:WHERE: KIND: TEXT [CODE]" with control characters escaped, on one line; parts that are empty are left out.
 std::string line(std::string_view kind, std::string_view file, std::string_view where, std::string_view text, std::string_view code);
 
-/// Thrown by a stage when Run::onProgress asked it to stop.
+/// Thrown by a stage that Run::stop told to stop.
 struct Cancelled : std::runtime_error {
   Cancelled() : std::runtime_error("stopped") {}
 };

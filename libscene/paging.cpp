@@ -78,6 +78,9 @@ struct Store {
   }
 };
 
+std::atomic<std::uint64_t> inFiles_bytes = 0;
+static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
+
 // Not a static object's destructor: blocks of other static objects may end after it.
 Store& store() {
   static Store* const s = new Store;
@@ -127,9 +130,8 @@ void* mapWhereOpen(std::size_t bytes) {
   s.blocks.reserve(s.blocks.size() + 1);  // what follows may not throw any more
   void* const data = mapFile(s.folder, bytes);
   s.blocks.push_back({data, bytes});
-  std::uint64_t all_bytes = 0;
-  for (const Mapped& m : s.blocks) all_bytes += m.bytes;
-  if (double(all_bytes) < kShareOfCache * double(physicalBytes())) ::madvise(data, bytes, MADV_RANDOM);
+  inFiles_bytes += bytes;
+  if (double(inFiles_bytes) < kShareOfCache * double(physicalBytes())) ::madvise(data, bytes, MADV_RANDOM);
   return data;
 }
 
@@ -154,6 +156,7 @@ Block::~Block() {
   Store& s = store();
   const std::lock_guard lock(s.mutex);
   std::erase_if(s.blocks, [this](const Mapped& m) { return m.data == data_; });
+  inFiles_bytes -= bytes_;
   ::munmap(data_, bytes_);
 }
 
@@ -186,6 +189,8 @@ Paging::~Paging() {
   ended_.notify_one();
   keeper_.join();
 }
+
+std::uint64_t Paging::filesBytes() noexcept { return inFiles_bytes; }
 
 void Paging::release() {
   Store& s = store();

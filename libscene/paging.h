@@ -46,6 +46,8 @@ class Paging {
   Paging(const Paging&) = delete;
   Paging& operator=(const Paging&) = delete;
 
+  /// What all blocks in files are now. For signal handlers too.
+  static std::uint64_t filesBytes() noexcept;
   /// Lets go of all that is resident of all blocks in files.
   static void release();
   /// The same if the process holds more than it may; returns how much may come in before that. Nothing where no Paging is at work. For

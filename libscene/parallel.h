@@ -88,18 +88,35 @@ void forRanges(std::size_t n, std::size_t grain, const F& f) {
 
 #endif
 
-/// f(i) for every i in [0, n), `grain` indices at a time. Reports progress in steps of work done; an exception of any f(i) (Cancelled
-/// among them) ends the loop and comes out of it. What it brought in of arrays that memory need not hold is let go where it is too much.
+/// What the threads of a loop do between its items: what was brought in of arrays that memory need not hold is let go where it is too much,
+/// and progress is reported in steps of work done, which is where a loop is stopped.
+class Between {
+ public:
+  Between(const Run& run, std::size_t items) : run_(run), items_(items) {}
+  /// After `n` more items. Throws Cancelled.
+  void done(std::size_t n) {
+    run_.checkStop();
+    Paging::keepToMost();
+    const std::size_t now = done_.fetch_add(n) + n;
+    if (std::unique_lock lock(reporting_, std::try_to_lock); lock) run_.progress(double(now) / double(items_));
+  }
+
+ private:
+  const Run& run_;
+  const std::size_t items_;
+  std::atomic<std::size_t> done_{0};
+  std::mutex reporting_;
+};
+
+/// f(i) for every i in [0, n), `grain` indices at a time. An exception of any f(i), or Cancelled between them, ends the loop and comes out
+/// of it.
 template <class F>
 void parallelFor(const Run& run, std::size_t n, std::size_t grain, F&& f) {
   if (n == 0) return;
-  std::atomic<std::size_t> done{0};
-  std::mutex reporting;
+  Between between(run, n);
   forRanges(n, std::max<std::size_t>(1, grain), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i != end; ++i) f(i);
-    Paging::keepToMost();
-    const std::size_t now = done.fetch_add(end - begin) + end - begin;
-    if (std::unique_lock lock(reporting, std::try_to_lock); lock) run.progress(double(now) / double(n));
+    between.done(end - begin);
   });
 }
 

@@ -127,8 +127,7 @@ class Placer {
 
 void Placer::drawAll(double factor) {
   out_.factor = factor;
-  const Run quiet{run_.threads, run_.seed, [&](double) { return !run_.onProgress || run_.onProgress(0.5); }, {}};
-  parallelFor(quiet, uses_.size(), 16, [&](std::size_t i) { drawOne(std::uint32_t(i)); });
+  parallelFor(run_.quiet(), uses_.size(), 16, [&](std::size_t i) { drawOne(std::uint32_t(i)); });
 }
 
 /// Texels of a chart and of its share of the padding about it.
@@ -338,7 +337,7 @@ void Placer::toUv() {
   const double parts = kGrid / out_.side;
   out_.uv.resize(uses_.size());
   std::vector<std::vector<std::uint32_t>> spoilt(uses_.size());
-  parallelFor(Run{run_.threads, run_.seed, {}, {}}, uses_.size(), 16, [&](std::size_t i) {
+  parallelFor(run_.quiet(), uses_.size(), 16, [&](std::size_t i) {
     const ChartUse& u = uses_[i];
     const Drawn& d = drawn_[i];
     const Placement turn{0, 0, places_[i].quarters};

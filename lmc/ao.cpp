@@ -269,7 +269,7 @@ class Job {
 Exit occlusion(const AoJobOptions& options) {
   Job job(options);
   Json report;
-  withThreads(Run{options.threads, options.seed, {}, {}}, [&] { report = job.make(); });
+  withThreads(Run{options.threads}, [&] { report = job.make(); });
   if (options.json)
     fmt::print("{}\n", report.dump(2));
   else

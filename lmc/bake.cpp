@@ -64,10 +64,8 @@ struct Work {
     Run run;
     run.threads = options.threads;
     run.seed = options.seed;
-    run.onProgress = [this](double share) {
-      progress.update(share);
-      return stopSignal == 0;
-    };
+    run.onProgress = [this](double share) { progress.update(share); };
+    run.stop = [] { return stopSignal != 0; };
     run.onMessage = [this](const Message& m) {
       progress.say(line(m.level == Message::Level::Warning ? "warning" : "note", m.file, m.where, m.text, m.code));
       spoken.messages.push_back(m);
@@ -268,7 +266,7 @@ Exit judge(const Bake& b, bool met) {
 Run stoppableRun(int threads) {
   Run run;
   run.threads = threads;
-  run.onProgress = [](double) { return stopSignal == 0; };
+  run.stop = [] { return stopSignal != 0; };
   return run;
 }
 
@@ -279,7 +277,7 @@ namespace {
 
 Exit bakeInto(Targets& targets, const BakeOptions& options, Progress& progress) {
   Exit result = Exit::Done;
-  withThreads(Run{options.threads, options.seed, {}, {}}, [&] {
+  withThreads(Run{options.threads}, [&] {
     std::optional<InTime> inTime;
     if (options.time_s > 0.0) inTime.emplace(options, progress, targets);
     const std::unique_ptr<Work> work = inTime ? inTime->bake() : inOrder(options, progress, targets);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -63,6 +64,31 @@ Exit inChild(const std::function<Exit()>& job) {
   const int signal = WTERMSIG(status);
   if (signal == SIGKILL) throw Error(Exit::Limit, "lmc", "", "the process of a job was killed: out of memory, as a rule", "LMC_MEMORY");
   throw Error(Exit::Internal, "lmc", "", fmt::format("the process of a job ended by signal {}", signal));
+}
+
+void leaveMemoryToChild() noexcept {
+  const int before = errno;
+  int ends[2];
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return;
+  const auto waitForOther = [](int end) {
+    char byte = 0;
+    while (read(end, &byte, 1) < 0 && errno == EINTR) continue;
+  };
+  const pid_t child = _Fork();
+  if (child == 0) {
+    std::signal(SIGINT, SIG_IGN);
+    std::signal(SIGTERM, SIG_IGN);
+    // Files are locked, and somebody may read what is written to its end.
+    const auto kept = unsigned(ends[1]);
+    if (kept > 0) close_range(0, kept - 1, 0);
+    close_range(kept + 1, ~0u, 0);
+    static_cast<void>(!write(ends[1], "", 1));
+    waitForOther(ends[1]);  // a process closes its files after it has given back its memory
+    _exit(0);
+  }
+  close(ends[1]);
+  if (child > 0) waitForOther(ends[0]);  // until only what is to be left is there
+  errno = before;
 }
 
 }  // namespace lmc

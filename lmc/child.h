@@ -10,4 +10,9 @@ namespace lmc {
 /// before this process has threads.
 Exit inChild(const std::function<Exit()>& job);
 
+/// Before the end of a process that holds much, in files without a name above all, which the system may take seconds to free: a child holds
+/// it as well, no file descriptor beside, and ends a moment after this process, which then need not wait. For signal handlers. Where the
+/// system gives no further process, nothing is changed.
+void leaveMemoryToChild() noexcept;
+
 }  // namespace lmc

@@ -55,7 +55,7 @@ void writePicture(OutputFile& file, const Bake& b) {
   for (const Patch& p : b.patches.patches) finest = std::max(finest, p.level);
   Image<glm::u8vec4> picture(b.map.width, b.map.height, glm::u8vec4(0, 0, 0, 255));
   if (!b.patches.nodes.empty()) {
-    const TexelPatches places(b.scene, b.patches, *b.texels, Run{b.run.threads, b.run.seed, {}, {}});
+    const TexelPatches places(b.scene, b.patches, *b.texels, b.run.silent());
     for (int y = 0; y < picture.height; ++y)
       for (int x = 0; x < picture.width; ++x) {
         const std::uint32_t patch = places.patch[std::size_t(y) * std::size_t(picture.width) + std::size_t(x)];

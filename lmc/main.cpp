@@ -14,9 +14,11 @@
 #include "libscene/files.h"
 #include "libscene/float_traps.h"
 #include "libscene/journal.h"
+#include "libscene/paging.h"
 #include "lmc/ao.h"
 #include "lmc/bake.h"
 #include "lmc/check_shader.h"
+#include "lmc/child.h"
 #include "lmc/compare.h"
 #include "lmc/fit_attenuation.h"
 #include "lmc/normals.h"
@@ -29,9 +31,10 @@
 
 namespace {
 
-// The stages look often, but not within every outside library: who is asked to stop does so within this. To give back the memory of a
-// large level takes the system as long again, and a second is promised.
-constexpr unsigned kPatience_us = 500'000, kMoment_us = 10'000;
+// A second is promised. The stages look often, but not within every outside library: who is asked to stop does so within this. To free
+// gigabytes of files may take the system longer than all that: where there is much of them it need not be waited for.
+constexpr unsigned kPatience_us = 250'000, kMoment_us = 10'000;
+constexpr std::uint64_t kMuch_bytes = 256 << 20;
 
 constexpr std::string_view kStopped = "stopped\n",
                            kGoesOn = "lmc: stopped: finished tiles are kept, and the same command goes on with them [LMC_RESUME]\n";
@@ -51,6 +54,7 @@ extern "C" void onSignal(int signal) {
   if (lmc::askedToStop() != 0) return leave(signal);  // asked twice
   lmc::askToStop(signal);
   ualarm(kPatience_us, 0);
+  if (lmc::Paging::filesBytes() > kMuch_bytes) lmc::leaveMemoryToChild();
 }
 
 extern "C" void onAlarm(int) { leave(lmc::askedToStop()); }

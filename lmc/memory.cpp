@@ -59,7 +59,7 @@ MemoryPlan planMemory(const Scene& scene, const BakeOptions& o, int side, int ma
   if (o.solver == Solver::Hierarchical) solver += patches * kPatchOfLinks;
   const std::uint64_t dense = std::min<std::uint64_t>(patches, kMaxDensePatches);
   if (o.solver == Solver::Dense) solver += kDensePair * dense * dense;
-  const std::uint64_t base = kProgram + kThread * std::uint64_t(threadCount(Run{o.threads, o.seed, {}, {}})) + level + solver;
+  const std::uint64_t base = kProgram + kThread * std::uint64_t(threadCount(Run{o.threads})) + level + solver;
   MemoryPlan out;
   out.limit_bytes = o.memory_bytes > 0 ? o.memory_bytes : machine_bytes;
   out.texels_bytes = kTexel * texels;

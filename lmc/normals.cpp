@@ -9,6 +9,7 @@
 #include "libscene/files.h"
 #include "libscene/image_file.h"
 #include "libscene/parallel.h"
+#include "lmc/bake.h"
 #include "lmc/normal_map.h"
 
 namespace lmc {
@@ -34,7 +35,7 @@ const char* nameOf(Derivative d) { return d == Derivative::Central ? "central" :
 
 class Job {
  public:
-  explicit Job(const NormalsOptions& o) : o_(o), run_{o.threads, 1, {}, {}} {}
+  explicit Job(const NormalsOptions& o) : o_(o), run_(stoppableRun(o.threads)) {}
 
   void make() {
     if (o_.source == NormalsOptions::Source::Model) return ofModel();
@@ -114,7 +115,7 @@ class Job {
 
 Exit normals(const NormalsOptions& options) {
   Job job(options);
-  withThreads(Run{options.threads, 1, {}, {}}, [&] { job.make(); });
+  withThreads(Run{options.threads}, [&] { job.make(); });
   job.write();
   const nlohmann::ordered_json report = job.report();
   if (options.json) {

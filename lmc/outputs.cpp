@@ -113,7 +113,7 @@ void writeOutputs(OutputSet& set, const Bake& b, const nlohmann::ordered_json& r
   marks.side = b.uv.side;
   std::vector<PrimitiveTangents> tangents;
   marks.more = [&](GltfEdit& edit) {
-    if (b.plan.runs(Effect::Tangents)) tangents = addTangents(edit, {}, Run{b.options.threads, b.options.seed, {}, {}});
+    if (b.plan.runs(Effect::Tangents)) tangents = addTangents(edit, {}, b.run.silent());
     if (!occlusion) return;
     std::vector<GltfEdit::Json> images;
     for (const std::string& name : pictures) images.push_back(GltfEdit::Json::object({{"uri", name}}));

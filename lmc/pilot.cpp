@@ -41,6 +41,7 @@ constexpr double kLeastRay_s = 0.02e-6;
 constexpr double kFinerPatches = 3.5, kMeshAgain = 3.0, kLightAgain = 3.0;
 // Spread of what comes out of these, beside what sampling leaves: standard deviations of the logarithm.
 constexpr double kFewBlocks = 1.4;
+constexpr double kDirectShare = 0.7;  // of the pilot's own time: it looks at every texel for direct light, at a few for the rest
 constexpr double kDirectSpread = 0.2, kPatchSpread = 0.3, kGatherSpread = 0.25, kAoSpread = 0.2, kSeamSpread = 0.5;
 
 class Clock {
@@ -93,7 +94,7 @@ struct ByObject {
 /// The state of one pilot.
 class PilotRun {
  public:
-  explicit PilotRun(Bake& b) : b_(b), quiet_{b.run.threads, b.run.seed, {}, {}}, texels_(b.scene.objects.size(), 0.0) {
+  explicit PilotRun(Bake& b) : b_(b), silent_(b.run.silent()), texels_(b.scene.objects.size(), 0.0) {
     for (std::size_t i = 0; i < b.map.size(); ++i)
       if (b.map.chart[i] != kNone) texels_[b.map.object[i]] += 1.0;
     all_ = std::accumulate(texels_.begin(), texels_.end(), 0.0);
@@ -126,7 +127,7 @@ class PilotRun {
     const DirectLight direct(b_.scene, *b_.tracer, b_.plan.runs(Effect::Shadow));
     const MapOptions options{b_.options.goal};
     Clock clock;
-    const DirectPilot seen = pilotDirect(b_.map, b_.scene, *b_.texels, direct, options, quiet_);
+    const DirectPilot seen = pilotDirect(b_.map, b_.scene, *b_.texels, direct, options, b_.run.part(0.0, kDirectShare));
     if (seen.rays > 0.0) out_.direct = forecast(seen.rays, std::max(kLeastRay_s, seen.ray_s) * seen.rays, kDirectSpread);
     const bool bounce = b_.plan.runs(Effect::Bounce), sky = b_.plan.runs(Effect::Sky);
     TexelArray<Rgb> mean(bounce || sky ? b_.map.size() : 0);
@@ -140,12 +141,12 @@ class PilotRun {
       if (texels_[o] > 0.0) light[o] = seen.objects[o].light / texels_[o];
     if (bounce || sky) {
       clock.lap();
-      PatchMesh mesh = makePatches(b_.scene, {.size_m = patchSizeFor_m(b_.scene, kSquares), .maxPatches = b_.options.maxPatches}, quiet_);
+      PatchMesh mesh = makePatches(b_.scene, {.size_m = patchSizeFor_m(b_.scene, kSquares), .maxPatches = b_.options.maxPatches}, silent_);
       for (Patch& p : mesh.patches) p.reflectance = glm::min(p.reflectance, Rgb(kMostReflectance));
       const double mesh_s = clock.lap();
       const auto before = double(b_.tracer->rays());
-      exposePatches(mesh, b_.scene, *b_.tracer, quiet_);
-      const PatchLight patchLight = lightPatches(b_.scene, *b_.tracer, mesh, direct, known, quiet_);
+      exposePatches(mesh, b_.scene, *b_.tracer, silent_);
+      const PatchLight patchLight = lightPatches(b_.scene, *b_.tracer, mesh, direct, known, silent_);
       const double light_s = clock.lap(), lightRays = double(b_.tracer->rays()) - before;
       std::array<Solution, 2> solutions;
       if (bounce) {
@@ -154,7 +155,7 @@ class PilotRun {
         stored.maxTail = kPilotTail;
         for (std::uint32_t half = 0; half < 2; ++half) {
           stored.stream = kStream + half;
-          solutions[half] = solveStored(b_.scene, *b_.tracer, mesh, patchLight, stored, quiet_).solution;
+          solutions[half] = solveStored(b_.scene, *b_.tracer, mesh, patchLight, stored, silent_).solution;
         }
         out_.bounces = solutions[0].passes;
       }
@@ -164,7 +165,7 @@ class PilotRun {
       if (bounce)
         field = std::make_unique<Field>(b_.scene, mesh, known, *b_.texels, patchLight,
                                         std::array<const Bounced*, 2>{&solutions[0].illuminance, &solutions[1].illuminance}, nullptr,
-                                        quiet_, true);
+                                        silent_, true);
       const double field_s = clock.lap();
       near = hemisphere(direct, field.get(), mean, options);
       if (bounce) {
@@ -239,7 +240,7 @@ class PilotRun {
     double cells_s = 0.0;
     const double cellsBefore = rays(Purpose::Cells), nearBefore = nearRays();
     const HemisphereForecast told = foretellHemisphere(
-        b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, quiet_);
+        b_.map, b_.scene, *b_.texels, *b_.tracer, gather, options, [&] { cells_s = clock.lap(); }, silent_);
     std::ranges::copy(whole, b_.map.chart.begin());  // in place: the field reads it there
     const auto size = double(b_.map.size());
     const double nearCast = nearRays() - nearBefore;
@@ -267,7 +268,7 @@ class PilotRun {
     const double all = sample.all / sample.texels;
     // The same texels with few rays and with many: what a texel takes, and what a ray.
     ao::Options options = b_.options.ao.how;
-    const auto cast = [&] { return ao::foretellMap(b_.scene, *b_.texels, sample.chart, *b_.tracer, options, quiet_); };
+    const auto cast = [&] { return ao::foretellMap(b_.scene, *b_.texels, sample.chart, *b_.tracer, options, silent_); };
     const double told = all * cast().rays;
     options.rays = kFewAoRays;
     cast();  // what the first times take beside, pages of memory that are new, is no part of a ray
@@ -338,7 +339,7 @@ class PilotRun {
   static double mean3(const Rgb& c) { return (double(c.r) + double(c.g) + double(c.b)) / 3.0; }
 
   Bake& b_;
-  Run quiet_;
+  Run silent_;
   std::vector<double> texels_;  // of each object
   double all_ = 0.0;
   double gatherRay_s_ = 0.0;

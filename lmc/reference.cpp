@@ -249,7 +249,7 @@ float scaleOf(const ExrImage& image) {
 
 Exit makeReference(const BakeOptions& options, const std::filesystem::path& folder, const ReferenceWish& wish) {
   Exit result = Exit::Done;
-  withThreads(Run{options.threads, options.seed, {}, {}}, [&] { result = ReferenceMaker(options, folder, wish).make(); });
+  withThreads(Run{options.threads}, [&] { result = ReferenceMaker(options, folder, wish).make(); });
   return result;
 }
 

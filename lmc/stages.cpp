@@ -370,7 +370,7 @@ void solveByLinks(Bake& b) {
 
 void solveByShooting(Bake& b) {
   std::optional<TexelPatches> under;
-  if (b.options.snapshot) under.emplace(b.scene, b.patches, *b.texels, Run{b.run.threads, b.run.seed, {}, {}});
+  if (b.options.snapshot) under.emplace(b.scene, b.patches, *b.texels, b.run.silent());
   for (std::uint32_t half = 0; half < 2; ++half) {
     ShootOptions options;
     options.maxTail = maxTailOf(b.options);

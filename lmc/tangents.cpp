@@ -11,6 +11,7 @@
 
 #include "libscene/files.h"
 #include "libscene/parallel.h"
+#include "lmc/bake.h"
 #include "lmc/progress.h"
 #include "lmc/tangent_loop.h"
 
@@ -280,7 +281,7 @@ nlohmann::ordered_json summaryOf(const std::vector<PrimitiveTangents>& all) {
 }
 
 Exit tangents(const TangentsOptions& options) {
-  const Run run{options.threads, 1, {}, {}};
+  const Run run = stoppableRun(options.threads);
   GltfEdit edit(options.in, options.limits);
   edit.embedImages();
   std::vector<PrimitiveTangents> report;

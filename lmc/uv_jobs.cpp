@@ -189,9 +189,7 @@ Exit attach(const AttachOptions& options) {
   const std::filesystem::path out = options.out.empty() ? options.baked / "attached.glb" : options.out;
   Exit result = Exit::Done;
   withThreads(run, [&] {
-    Run quiet = run;
-    quiet.onMessage = {};
-    const Scene baked = loadLevel(options.baked / "level.glb", options.limits, quiet);
+    const Scene baked = loadLevel(options.baked / "level.glb", options.limits, run.silent());
     Scene scene = loadLevel(options.level, options.limits, run);
     refuseSameFile(options.level, scene, out);
     LevelMarks marks;

@@ -9,6 +9,7 @@
 
 #include "libscene/files.h"
 #include "libscene/parallel.h"
+#include "lmc/bake.h"
 #include "lmc/tangent_loop.h"
 #include "lmc/verify_case.h"
 #include "lmc/verify_tangent.h"
@@ -228,7 +229,8 @@ Exit verify(const VerifyOptions& options) {
     else
       print(r);
   };
-  const Run run{options.threads, options.seed, {}, {}};
+  Run run = stoppableRun(options.threads);
+  run.seed = options.seed;
   for (std::size_t f = 0; f < documents.size(); ++f) {
     const std::string stem = options.files[f].stem().string();
     if (isTangentFile(options.files[f]) && wanted(stem)) {

@@ -421,7 +421,7 @@ class Stopping(Case):
             took = time.monotonic() - asked
             with self.subTest(k=k):
                 self.assertEqual(running.returncode, code, stderr)
-                # The program's own limit is 0.5 s; the rest is for a machine that has other things to do.
+                # The program's own limit is 0.25 s; the rest is for a machine that has other things to do.
                 self.assertLess(took, 2.0)
                 self.assertEqual(content(self.out), {})
 

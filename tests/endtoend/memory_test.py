@@ -18,12 +18,15 @@ OPTIONS = None
 SAME_EVERY_TIME = ("ao.000.exr", "ao.003.png", "lightmap.000.exr", "lightmap.001.exr", "lightmap.002.exr", "lightmap.003.exr", "level.glb",
                    "level.lmc.json")
 LIMIT_MB = 160
+SECOND = 2.0  # within which a signal ends a run, on a machine that has other things to do
 HOLDS = 1.1  # times the limit, at the peak
 
 
 def content(folder):
-    """{name: bytes} of the files of a folder."""
+    """{name: bytes} of the files of a folder; of none where there is no folder."""
     out = {}
+    if not os.path.isdir(folder):
+        return out
     for name in os.listdir(folder):
         with open(os.path.join(folder, name), "rb") as f:
             out[name] = f.read()
@@ -38,17 +41,22 @@ class Case(unittest.TestCase):
     def setUpClass(cls):
         cls.temporary = tempfile.TemporaryDirectory(prefix="lmc-memory-")
         cls.folder = cls.temporary.name
-        cls.level = os.path.join(cls.folder, "load.glb")
-        made = subprocess.run([sys.executable, os.path.join(OPTIONS.source_dir, "bench", "make_load.py"), cls.level, "--triangles", "4000", "--maps", "4",
-                               "--side", "512", "--lamps", "3", "--fill", "0.35"], capture_output=True, text=True, timeout=120)
+        cls.level = cls.make_level("load.glb", 512)
+
+    @classmethod
+    def make_level(cls, name, side):
+        level = os.path.join(cls.folder, name)
+        made = subprocess.run([sys.executable, os.path.join(OPTIONS.source_dir, "bench", "make_load.py"), level, "--triangles", "4000", "--maps", "4",
+                               "--side", str(side), "--lamps", "3", "--fill", "0.35"], capture_output=True, text=True, timeout=120)
         assert made.returncode == 0, made.stderr
+        return level
 
     @classmethod
     def tearDownClass(cls):
         cls.temporary.cleanup()
 
-    def start(self, out, *more, **how):
-        return subprocess.Popen([OPTIONS.lmc, "bake", self.level, "-o", out, *self.FAST, *more], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+    def start(self, out, *more, level=None, **how):
+        return subprocess.Popen([OPTIONS.lmc, "bake", level or self.level, "-o", out, *self.FAST, *more], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                                 stderr=subprocess.PIPE, text=True, **how)
 
     def bake(self, name, *more, **how):
@@ -88,7 +96,7 @@ class Limit(Case):
         code, said, _, out = self.bake("refused", "--memory", "16M")
         self.assertEqual(code, 8, said)
         self.assertIn("[LMC_MEMORY]", said)
-        self.assertEqual(content(out) if os.path.isdir(out) else {}, {})
+        self.assertEqual(content(out), {})
 
 
 class Disk(Case):
@@ -101,23 +109,63 @@ class Disk(Case):
         self.assertEqual(code, 8, said)
         self.assertIn("cannot set aside", said)
         self.assertEqual(said.count(" error: "), 1, said)
-        self.assertEqual(content(out) if os.path.isdir(out) else {}, {})
+        self.assertEqual(content(out), {})
+
+    def wait_for_files(self, running, out, least_mb):
+        """Files in which pages lie are seen in the process's maps, and have no name in the folder."""
+        until = time.monotonic() + 120.0
+        while time.monotonic() < until and running.poll() is None:
+            mapped = 0
+            with open(f"/proc/{running.pid}/maps") as f:
+                for line in f:
+                    if out in line and "(deleted)" in line:
+                        begin, end = (int(n, 16) for n in line.split()[0].split("-"))
+                        mapped += end - begin
+            if mapped >= least_mb << 20:
+                return
+            time.sleep(0.01)
+        self.fail(f"no {least_mb} MB of {out} were seen; exit code {running.returncode}")
 
     def test_a_run_that_is_killed_leaves_nothing(self):
         out = os.path.join(self.folder, "killed")
         running = self.start(out, "--memory", f"{LIMIT_MB}M")
-        until = time.monotonic() + 60.0
-        # Files in which pages lie are seen in the process's maps, and have no name in the folder.
-        while time.monotonic() < until and running.poll() is None:
-            with open(f"/proc/{running.pid}/maps") as f:
-                if any(out in line and "(deleted)" in line for line in f):
-                    break
-            time.sleep(0.01)
-        else:
-            self.fail(f"no page of {out} was seen; exit code {running.returncode}")
+        self.wait_for_files(running, out, 1)
         running.kill()
         running.communicate()
         self.assertEqual(content(out), {})
+
+    def test_a_signal_ends_a_run_that_holds_much_in_files_within_a_second(self):
+        level = self.make_level("large.glb", 1024)
+        for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
+            out = os.path.join(self.folder, f"signal {code}")
+            running = self.start(out, "--memory", "400M", level=level, start_new_session=True)
+            self.wait_for_files(running, out, 500)
+            asked = time.monotonic()
+            running.send_signal(number)
+            _, said = running.communicate(timeout=60)
+            took = time.monotonic() - asked
+            with self.subTest(signal=code):
+                self.assertEqual(running.returncode, code, said)
+                self.assertIn("stopped", said)
+                self.assertLess(took, SECOND)
+                self.assertEqual(content(out), {})
+                # What frees the files goes by itself.
+                until = time.monotonic() + 30.0
+                while self.runs_in(running.pid):
+                    self.assertLess(time.monotonic(), until, "a process is left")
+                    time.sleep(0.05)
+
+    @staticmethod
+    def runs_in(session):
+        for pid in filter(str.isdigit, os.listdir("/proc")):
+            try:
+                with open(f"/proc/{pid}/stat") as f:
+                    state, _, _, its_session = f.read().rsplit(")", 1)[1].split()[:4]
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            if int(its_session) == session and state != "Z":
+                return True
+        return False
 
 
 if __name__ == "__main__":

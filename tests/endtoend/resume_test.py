@@ -304,7 +304,7 @@ class Stopping(Case):
             running.send_signal(number)
             _, stderr = running.communicate(timeout=60)
             with self.subTest(signal=number):
-                # The program's own limit is 0.5 s; the rest is for a machine that has other things to do.
+                # The program's own limit is 0.25 s; the rest is for a machine that has other things to do.
                 self.assertLess(time.monotonic() - asked, 2.0)
                 self.assertEqual(running.returncode, code, stderr)
                 self.assertIn("the same command goes on", stderr)

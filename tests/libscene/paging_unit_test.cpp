@@ -177,7 +177,7 @@ TEST_F(PagingTest, LoopsOfManyThreadsKeepToItWithinWhatTheyHaveInWork) {
   constexpr int kThreads = 4;
   const Paging paging(folder_, residentBytes() + kMost, kThreads);
   TexelArray<std::uint32_t> a(kPieces * kEntries);
-  const lmc::Run run{kThreads, 0, {}, {}};
+  const lmc::Run run{kThreads};
   const std::uint64_t others = residentOfFiles();  // the program itself
   std::atomic<std::uint64_t> most = 0, sum = 0;
   const auto look = [&] {
