@@ -97,7 +97,7 @@ class MapBaker {
       if (part.journal && asked.empty()) return;
       Journaled kept(part, tracer_, {Loop::Openness, round_, std::uint32_t(t)}, [&](auto& archive) { keep(asked, rays[t], archive); });
       if (kept.taken()) return;
-      const double before_s = threadSeconds();
+      double before_s = 0.0;
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
@@ -105,12 +105,15 @@ class MapBaker {
         if (x0 + x >= texels_.width() || y0 + y >= texels_.height()) continue;
         const std::size_t i = std::size_t(y0 + y) * std::size_t(texels_.width()) + std::size_t(x0 + x);
         if (!wanted(i)) continue;
-        if (!tile) tile = texels_.held(t);
+        if (!tile) {
+          tile = texels_.held(t);
+          before_s = threadSeconds();
+        }
         const TexelSampler sampler(scene_, *tile, tile->at(x, y));
         const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.at(glm::vec2(0.5f))};
         rays[t] += f(i, places, addressOf(run_.seed, std::uint32_t(x0 + x), std::uint32_t(y0 + y)));
       }
-      spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
+      if (tile) spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
       kept.put();
     });
     ++round_;

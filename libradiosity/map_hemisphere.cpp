@@ -308,7 +308,7 @@ class HemisphereBaker {
       DirectLight::Tally cast(gather_.direct());
       Journaled kept(run_, tracer_, {Loop::Hemisphere, round_, std::uint32_t(t)}, [&](auto& a) { keep(asked, cast.rays, a); });
       if (kept.taken()) return gather_.direct().countAsCast(cast.rays);
-      const double before_s = threadSeconds();
+      double before_s = 0.0;
       const int x0 = int(t % std::size_t(texels_.tilesX())) * kTile, y0 = int(t / std::size_t(texels_.tilesX())) * kTile;
       std::shared_ptr<const TexelTile> tile;
       for (std::uint32_t k = 0; k < kTile * kTile; ++k) {
@@ -317,7 +317,10 @@ class HemisphereBaker {
         const std::size_t i = std::size_t(y0 + y) * std::size_t(map_.width) + std::size_t(x0 + x);
         const std::uint32_t begin = map_.rays[i], end = wanted_[i];
         if (end <= begin) continue;
-        if (!tile) tile = texels_.held(t);
+        if (!tile) {
+          tile = texels_.held(t);
+          before_s = threadSeconds();
+        }
         for (int h = 0; h < 2; ++h) {
           const Gathered g = gather_.rays(*tile, x, y, h, begin, end, guides_[guideOf_[i]]);
           map_.bounced[std::size_t(h)][i] += Rgb(g.bounced);
@@ -331,7 +334,7 @@ class HemisphereBaker {
         }
         map_.rays[i] = end;
       }
-      spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
+      if (tile) spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
       kept.put();
     });
     ++round_;
