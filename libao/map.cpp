@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <atomic>
 #include <memory>
 #include <numeric>
 
@@ -83,7 +82,7 @@ class MapBaker {
       out.cast += double(rays);
       return rays;
     });
-    out.cast_s = 1e-9 * double(spent_ns_.load());
+    out.cast_s = spent_.seconds();
     return out;
   }
 
@@ -113,7 +112,7 @@ class MapBaker {
         const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.at(glm::vec2(0.5f))};
         rays[t] += f(i, places, addressOf(run_.seed, std::uint32_t(x0 + x), std::uint32_t(y0 + y)));
       }
-      if (tile) spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
+      if (tile) spent_.add(before_s);
       kept.put();
     });
     ++round_;
@@ -155,8 +154,8 @@ class MapBaker {
   std::uint32_t pools_ = 0;
   TexelArray<Sums> sums_;
   TexelArray<glm::vec3> bent_;
-  std::uint32_t round_ = 0;                  // of casts
-  std::atomic<std::uint64_t> spent_ns_ = 0;  // in casts, by all threads
+  std::uint32_t round_ = 0;  // of casts
+  SpentTime spent_;          // in casts
 };
 
 }  // namespace

@@ -538,14 +538,13 @@ DirectPilot pilotDirect(LightMap& map, const Scene& scene, const TexelMap& texel
   const Run rest = run.part(kTimedShare, 1.0);
   Between between(rest, texels.tileCount());
   // Few sums, each over tiles in order.
-  forRanges(tiles.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t p = begin; p < end; ++p)
-      for (std::size_t t = p; t < texels.tileCount(); t += tiles.size()) {
-        const auto held = texels.held(t);
-        const TexelTile& tile = *held;
-        if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options, 1, run.seed).pilot(tiles[p]);
-        between.done(1);
-      }
+  parallelFor(run.quiet(), tiles.size(), 1, [&](std::size_t p) {
+    for (std::size_t t = p; t < texels.tileCount(); t += tiles.size()) {
+      const auto held = texels.held(t);
+      const TexelTile& tile = *held;
+      if (!tile.fragments.empty()) TileDirect(map, scene, tile, direct, options, 1, run.seed).pilot(tiles[p]);
+      between.done(1);
+    }
   });
   for (const DirectPilot& p : tiles) none += p;
   none.ray_s = ray_s;

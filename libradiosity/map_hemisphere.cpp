@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <numeric>
 #include <unordered_map>
@@ -133,7 +132,7 @@ class HemisphereBaker {
   /// What the map would have got, when this one is a sample of it.
   HemisphereForecast forecast() const {
     HemisphereForecast out = probes_;
-    out.cast_s = 1e-9 * double(spent_ns_.load());
+    out.cast_s = spent_.seconds();
     const auto rays = cells_.estimate([this](std::size_t i) { return 2.0 * map_.rays[i]; });
     const double excess = 1.0 + kAskedByFew / rays.blocks;
     out.rays = rays.sum / excess;
@@ -334,7 +333,7 @@ class HemisphereBaker {
         }
         map_.rays[i] = end;
       }
-      if (tile) spent_ns_ += std::uint64_t(1e9 * (threadSeconds() - before_s));
+      if (tile) spent_.add(before_s);
       kept.put();
     });
     ++round_;
@@ -658,9 +657,9 @@ class HemisphereBaker {
   std::vector<double> objectMean_, objectTexels_;
   std::vector<double> directNoise2_;  // of direct light: sum over the texels of each object [lx^2]
   double mean_ = 0.0;
-  bool early_ = true;                        // no rays but the first ones are there
-  std::uint32_t round_ = 0;                  // of casts
-  std::atomic<std::uint64_t> spent_ns_ = 0;  // in casts, by all threads
+  bool early_ = true;        // no rays but the first ones are there
+  std::uint32_t round_ = 0;  // of casts
+  SpentTime spent_;          // in casts
   std::uint32_t pilotRays_ = kPilotRays;
 };
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <mutex>
 #include <thread>
 
@@ -30,6 +31,17 @@ inline double threadSeconds() {
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
 }
+
+/// CPU time that threads spent on something [s], added up by all of them.
+class SpentTime {
+ public:
+  /// The calling thread spent what passed since its threadSeconds() were `since_s`.
+  void add(double since_s) { ns_ += std::uint64_t(1e9 * (threadSeconds() - since_s)); }
+  double seconds() const { return 1e-9 * double(ns_.load()); }
+
+ private:
+  std::atomic<std::uint64_t> ns_{0};
+};
 
 inline int threadCount(const Run& run) { return run.threads > 0 ? run.threads : int(std::max(1u, std::thread::hardware_concurrency())); }
 
@@ -97,8 +109,9 @@ class Between {
   void done(std::size_t n) {
     run_.checkStop();
     Paging::keepToMost();
+    if (!run_.onProgress) return;
     const std::size_t now = done_.fetch_add(n) + n;
-    if (std::unique_lock lock(reporting_, std::try_to_lock); lock) run_.progress(double(now) / double(items_));
+    if (std::unique_lock lock(reporting_, std::try_to_lock); lock) run_.onProgress(double(now) / double(items_));
   }
 
  private:

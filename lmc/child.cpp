@@ -69,7 +69,10 @@ Exit inChild(const std::function<Exit()>& job) {
 void leaveMemoryToChild() noexcept {
   const int before = errno;
   int ends[2];
-  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) return;
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
+    errno = before;
+    return;
+  }
   const auto waitForOther = [](int end) {
     char byte = 0;
     while (read(end, &byte, 1) < 0 && errno == EINTR) continue;

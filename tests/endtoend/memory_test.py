@@ -18,7 +18,7 @@ OPTIONS = None
 SAME_EVERY_TIME = ("ao.000.exr", "ao.003.png", "lightmap.000.exr", "lightmap.001.exr", "lightmap.002.exr", "lightmap.003.exr", "level.glb",
                    "level.lmc.json")
 LIMIT_MB = 160
-SECOND = 2.0  # within which a signal ends a run, on a machine that has other things to do
+LONGEST_s = 2.0  # until a signal has ended a run: 1 s is asked for, the rest is for a machine that has other things to do
 HOLDS = 1.1  # times the limit, at the peak
 
 
@@ -147,7 +147,7 @@ class Disk(Case):
             with self.subTest(signal=code):
                 self.assertEqual(running.returncode, code, said)
                 self.assertIn("stopped", said)
-                self.assertLess(took, SECOND)
+                self.assertLess(took, LONGEST_s)
                 self.assertEqual(content(out), {})
                 # What frees the files goes by itself.
                 until = time.monotonic() + 30.0
