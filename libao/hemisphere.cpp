@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "libscene/rng.h"
 #include "libscene/sampling.h"
@@ -13,6 +15,8 @@ namespace {
 
 constexpr std::size_t kBlocks = 16;       // of a batch: 256 rays, as many as a stream takes well
 constexpr double kOpenBeside = 0.25;      // (1 - 0.25)^16 = 1 %
+constexpr double kShows = 0.02;           // openness: less of it is dark with and without a rim
+constexpr int kAsked = 4;                 // places that see nothing, of a batch, until one is found to be cut off from the middle
 constexpr std::ptrdiff_t kBackFaces = 8;  // of the sixteen rays of a place: it lies inside a solid, which others may pierce
 constexpr std::uint16_t kAll = 0xffff;    // bits of a block
 static_assert(kBlock == RayFan::kRays);
@@ -130,38 +134,39 @@ std::uint32_t Hemisphere::trace(Batch& batch) const {
   return cast;
 }
 
-/// Whether some places see nothing, while from others so much is open that this is hardly chance.
-bool Hemisphere::mayBePartlyBuried(const Batch& batch) {
-  int open = 0, seeing = 0;
+Hemisphere::Sight Hemisphere::sightOf(const Batch& batch, const Sums& before) {
+  // What came before is one place more.
+  const bool any = before.halves[0].uniform > 0.0f || before.halves[1].uniform > 0.0f;
+  const int places = int(batch.count) + (any ? 1 : 0);
+  double open = any ? kBlock * before.uniform() : 0.0;
+  int seeing = open > 0.0 ? 1 : 0;
   for (std::size_t k = 0; k < batch.count; ++k) {
     if (batch.blocks[k].dark()) continue;
     open += int(kBlock) - std::popcount(batch.blocks[k].blocked);
     ++seeing;
   }
-  return seeing > 0 && seeing < int(batch.count) && open > kOpenBeside * kBlock * seeing;
+  if (seeing == 0 || seeing == places) return Sight::Alike;
+  if (open > kOpenBeside * kBlock * seeing) return Sight::Parted;
+  return open > kShows * kBlock * places ? Sight::Mixed : Sight::Alike;
 }
 
 /// How the place of a fan lies.
 Sums::Lie Hemisphere::lie(const RayFan& fan, std::uint32_t& cast) const {
   std::array<Ray, kBlock> rays;
   std::array<Hit, kBlock> hits;
-  for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fan.ray(i, tFar());
+  for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fan.ray(i, std::numeric_limits<float>::infinity());
   tracer_.closest(rays, hits, Purpose::Occlusion);
   cast += kBlock;
-  if (std::ranges::count_if(hits, [](const Hit& h) { return h && !h.front; }) >= kBackFaces) return Sums::Lie::Buried;
-  return std::ranges::all_of(hits, [](const Hit& h) { return bool(h); }) ? Sums::Lie::Closed : Sums::Lie::Free;
+  if (!std::ranges::all_of(hits, [](const Hit& h) { return bool(h); })) return Sums::Lie::Free;
+  return std::ranges::count_if(hits, [](const Hit& h) { return !h.front; }) >= kBackFaces ? Sums::Lie::Buried : Sums::Lie::Closed;
 }
 
-/// Whether a surface lies between two places of a texel: across the way just above the texel and across that just below it, for where a
-/// texel is curved one of them meets the texel itself.
-bool Hemisphere::severed(const SurfacePoint& from, const Block& b, const RayFan& fan, std::uint32_t& cast) const {
-  for (const double side : {1.0, -1.0}) {
-    const glm::vec3 start = tracer_.lifted(from.position_m, side * from.geometricNormal);
-    const glm::vec3 end = glm::vec3(fan.rays[0].origin_m) + (float(side) - 1.0f) * tracer_.lift_m() * b.face;
-    ++cast;
-    if (!tracer_.occluded(Ray{start, end - start, 1.0f}, Purpose::Occlusion)) return false;
-  }
-  return true;
+/// Whether a surface lies across the way between two places of a texel, just above it (side 1) or just below (-1).
+bool Hemisphere::cutOff(const SurfacePoint& from, const Block& b, const RayFan& fan, double side, std::uint32_t& cast) const {
+  const glm::vec3 start = tracer_.lifted(from.position_m, side * from.geometricNormal);
+  const glm::vec3 end = glm::vec3(fan.rays[0].origin_m) + (float(side) - 1.0f) * tracer_.lift_m() * b.face;
+  ++cast;
+  return tracer_.occluded(Ray{start, end - start, 1.0f}, Purpose::Occlusion);
 }
 
 Sums::Lie Hemisphere::lie(const SurfacePoint& place, std::uint64_t address, std::uint32_t& cast) const {
@@ -204,12 +209,28 @@ Sums::Half Hemisphere::blockedOf(const Block& b) const {
 /// Traces a batch and adds it up; returns the rays cast.
 std::uint32_t Hemisphere::finish(Batch& batch, const Places& places, std::uint64_t address, Sums& sums, glm::vec3* bent) const {
   std::uint32_t cast = trace(batch);
-  const bool partly = places.middle && mayBePartlyBuried(batch);
-  if (partly && sums.middle == Sums::Lie::Unknown) sums.middle = lie(*places.middle, address, cast);
+  const Sight sight = places.middle ? sightOf(batch, sums) : Sight::Alike;
+  const auto middle = [&] {
+    if (sums.middle == Sums::Lie::Unknown) sums.middle = lie(*places.middle, address, cast);
+    return sums.middle;
+  };
+  int asked = 0;
+  bool found = false, askedOpen = false;
   for (std::size_t k = 0; k < batch.count; ++k) {
     const Block& b = batch.blocks[k];
-    if (partly && b.dark() && sums.middle != Sums::Lie::Buried && lie(batch.fans[k], cast) == Sums::Lie::Buried) continue;
-    if (partly && !b.dark() && sums.middle == Sums::Lie::Closed && severed(*places.middle, b, batch.fans[k], cast)) continue;
+    const auto cut = [&](double side) { return cutOff(*places.middle, b, batch.fans[k], side, cast); };
+    if (b.dark()) {
+      bool maybe = sight == Sight::Parted;
+      if (sight == Sight::Mixed && (found || asked++ < kAsked)) {
+        maybe = cut(1.0);
+        found = found || maybe;
+      }
+      if (maybe && middle() != Sums::Lie::Buried && lie(batch.fans[k], cast) == Sums::Lie::Buried) continue;
+    } else if (sight == Sight::Parted) {
+      if (middle() == Sums::Lie::Closed && cut(1.0) && cut(-1.0)) continue;  // the texel, where it is curved, meets one of the two ways
+    } else if (sight == Sight::Mixed && !std::exchange(askedOpen, true) && cut(1.0)) {
+      middle();  // it may be the one that is inside
+    }
     Sums::Half& h = sums.halves[b.half];
     h.cosine += b.directions->allCosine;
     h.uniform += b.directions->allUniform;

@@ -64,12 +64,15 @@ class Hemisphere {
   std::uint32_t castFrom(std::uint64_t address, std::uint32_t from, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
   void start(Batch&, const SurfacePoint&, Turn&, std::uint32_t block) const;
   std::uint32_t trace(Batch&) const;
-  static bool mayBePartlyBuried(const Batch&);
+  /// What places see, those of a batch and those before: all something, or too little to tell; or some nothing, which may be chance where
+  /// the others see little, and is hardly chance where they see much.
+  enum class Sight { Alike, Mixed, Parted };
+  static Sight sightOf(const Batch&, const Sums& before);
   float tFar() const { return float(options_.distance_m); }
   float shareOf(const Block&, std::size_t i) const;
   Sums::Half blockedOf(const Block&) const;
   Sums::Lie lie(const RayFan&, std::uint32_t& cast) const;
-  bool severed(const SurfacePoint&, const Block&, const RayFan&, std::uint32_t& cast) const;
+  bool cutOff(const SurfacePoint& from, const Block&, const RayFan&, double side, std::uint32_t& cast) const;
   std::uint32_t finish(Batch&, const Places&, std::uint64_t address, Sums&, glm::vec3* bent) const;
 
   const Tracer& tracer_;

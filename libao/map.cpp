@@ -109,7 +109,7 @@ class MapBaker {
           before_s = threadSeconds();
         }
         const TexelSampler sampler(scene_, *tile, tile->at(x, y));
-        const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.at(glm::vec2(0.5f))};
+        const Places places{[&](glm::vec2 u) { return sampler.at(u); }, sampler.middle()};
         rays[t] += f(i, places, addressOf(run_.seed, std::uint32_t(x0 + x), std::uint32_t(y0 + y)));
       }
       if (tile) spent_.add(before_s);

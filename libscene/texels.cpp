@@ -102,47 +102,74 @@ TexelSampler::TexelSampler(const Scene& scene, const TexelTile& tile, const Texe
   for (std::uint32_t i = 0; i < texel.fragmentCount; ++i) facets_.emplace_back(scene, tile.fragments[texel.firstFragment + i].triangle);
 }
 
+/// Who lies at a place of the square, or nearest to it.
+std::size_t TexelSampler::fragmentAt(glm::dvec2 at) const {
+  std::size_t out = 0;
+  double best = -1e300;
+  for (std::size_t i = 0; i < texel_.fragmentCount && texel_.fragmentCount > 1; ++i) {
+    const Fragment& f = tile_.fragments[texel_.firstFragment + i];
+    const glm::dvec2 b = f.bary0 + at.x * f.baryX + at.y * f.baryY;
+    const double inside = std::min({b.x, b.y, 1.0 - b.x - b.y});
+    if (inside > best) {
+      best = inside;
+      out = i;
+    }
+  }
+  return out;
+}
+
+SurfacePoint TexelSampler::at(std::size_t fragment, glm::dvec2 at) const {
+  const Fragment& f = tile_.fragments[texel_.firstFragment + fragment];
+  return facets_[fragment].at(insideTriangle(f.bary0 + at.x * f.baryX + at.y * f.baryY));
+}
+
+SurfacePoint TexelSampler::middle() const {
+  glm::dvec2 place(0.5);
+  if (texel_.coverage < kWholeSquare) {
+    glm::dvec2 sum(0.0);
+    double all = 0.0;
+    for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
+      const Fragment& f = tile_.fragments[texel_.firstFragment + i];
+      const glm::dvec2* p = tile_.corners.data() + f.firstCorner;
+      for (std::uint32_t k = 2; k < f.cornerCount; ++k) {
+        const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
+        sum += area / 3.0 * (p[0] + p[k - 1] + p[k]);
+        all += area;
+      }
+    }
+    if (all > 0.0) place = sum / all;
+  }
+  return at(fragmentAt(place), place);
+}
+
 SurfacePoint TexelSampler::at(glm::vec2 u) const {
+  // A full square keeps the sample where it is, so that its stratification holds.
+  if (texel_.coverage >= kWholeSquare) return at(fragmentAt(glm::dvec2(u)), glm::dvec2(u));
   const Fragment* fragments = tile_.fragments.data() + texel_.firstFragment;
   const Fragment* chosen = fragments;
-  glm::dvec2 at(u);
-  if (texel_.coverage >= kWholeSquare) {
-    // The square is full: keep the sample where it is, so that its stratification holds, and find who lies there.
-    double best = -1e300;
-    for (std::uint32_t i = 0; i < texel_.fragmentCount && texel_.fragmentCount > 1; ++i) {
-      const glm::dvec2 b = fragments[i].bary0 + at.x * fragments[i].baryX + at.y * fragments[i].baryY;
-      const double inside = std::min({b.x, b.y, 1.0 - b.x - b.y});
-      if (inside > best) {
-        best = inside;
-        chosen = fragments + i;
-      }
-    }
-  } else {
-    // Choose a triangle of the fans by area with u.x, and use what is left of u.x again within it.
-    double target = double(u.x) * texel_.coverage;
-    glm::dvec2 a(0.0), b(0.0), c(0.0);
-    double part = 0.0;
-    for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
-      const glm::dvec2* p = tile_.corners.data() + fragments[i].firstCorner;
-      bool found = false;
-      for (std::uint32_t k = 2; k < fragments[i].cornerCount; ++k) {
-        const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
-        if (area <= 0.0) continue;
-        chosen = fragments + i;
-        a = p[0];
-        b = p[k - 1];
-        c = p[k];
-        part = area;
-        found = target < area;
-        if (found) break;
-        target -= area;
-      }
+  // Choose a triangle of the fans by area with u.x, and use what is left of u.x again within it.
+  double target = double(u.x) * texel_.coverage;
+  glm::dvec2 a(0.0), b(0.0), c(0.0);
+  double part = 0.0;
+  for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
+    const glm::dvec2* p = tile_.corners.data() + fragments[i].firstCorner;
+    bool found = false;
+    for (std::uint32_t k = 2; k < fragments[i].cornerCount; ++k) {
+      const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
+      if (area <= 0.0) continue;
+      chosen = fragments + i;
+      a = p[0];
+      b = p[k - 1];
+      c = p[k];
+      part = area;
+      found = target < area;
       if (found) break;
+      target -= area;
     }
-    const double s = std::sqrt(std::clamp(part > 0.0 ? target / part : 0.5, 0.0, 1.0));
-    at = a + s * (1.0 - double(u.y)) * (b - a) + s * double(u.y) * (c - a);
+    if (found) break;
   }
-  return facets_[std::size_t(chosen - fragments)].at(insideTriangle(chosen->bary0 + at.x * chosen->baryX + at.y * chosen->baryY));
+  const double s = std::sqrt(std::clamp(part > 0.0 ? target / part : 0.5, 0.0, 1.0));
+  return at(std::size_t(chosen - fragments), a + s * (1.0 - double(u.y)) * (b - a) + s * double(u.y) * (c - a));
 }
 
 TexelMap::TexelMap(const Scene& scene, const Charts& charts, int side, int maps)

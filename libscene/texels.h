@@ -86,8 +86,12 @@ class TexelSampler {
   TexelSampler(const Scene&, const TexelTile&, const Texel&);
   /// Uniform in the map's plane for u uniform in the unit square.
   SurfacePoint at(glm::vec2 u) const;
+  /// The middle of the covered part, or what of that part lies nearest to it.
+  SurfacePoint middle() const;
 
  private:
+  std::size_t fragmentAt(glm::dvec2 at) const;
+  SurfacePoint at(std::size_t fragment, glm::dvec2 at) const;
   const TexelTile& tile_;
   const Texel& texel_;
   std::vector<Facet> facets_;  // one a fragment

@@ -9,6 +9,8 @@
 
 #include "libscene/constants.h"
 #include "libscene/exr.h"
+#include "libscene/files.h"
+#include "libscene/image_file.h"
 #include "libscene/level.h"
 #include "lmc/progress.h"
 #include "lmc/sidecar.h"
@@ -37,10 +39,12 @@ void readLightMap(const fs::path& file, shaders::LevelMaps& maps) {
   maps.scales.push_back(factor);
 }
 
+/// Of the picture, for ao.exr is dark where texels lie inside solids, and lookups at the foot of a wall would show that.
 Image<float> readOpenness(const fs::path& file) {
-  const ExrImage exr = readExr(file);
-  Image<float> out(exr.width, exr.height);
-  out.pixels = channelOf(exr, "Y", file);
+  const DecodedImage decoded = decodeImage(readFile(file), LoadLimits{}.maxTexturePixels);
+  if (decoded.problem) throw Error(Exit::Broken, file, "", decoded.problem->text, decoded.problem->code);
+  Image<float> out(decoded.image.width, decoded.image.height);
+  for (std::size_t i = 0; i < out.pixels.size(); ++i) out.pixels[i] = float(decoded.image.pixels[i].r) / 255.0f;
   return out;
 }
 
@@ -51,7 +55,7 @@ shaders::LevelMaps readMaps(const fs::path& folder) {
   for (std::size_t k = 0; k < maps.size(); ++k) {
     readLightMap(folder / maps[k].value("file", std::string()), out);
     // What the sidecar does not name is of an older bake.
-    if (const std::string openness = maps[k].value("ao", std::string()); !openness.empty())
+    if (const std::string openness = maps[k].value("ao_picture", std::string()); !openness.empty())
       out.openness.push_back(readOpenness(folder / openness));
   }
   if (out.openness.size() < maps.size()) out.openness.clear();

@@ -281,6 +281,43 @@ TEST(Openness, NoDarkRimAtTheFootOfAWallOnAnUncutFloor) {
   EXPECT_GT(buried, 10u);
 }
 
+TEST(Openness, NoDarkRimAtTheFootOfWallsThatLeaveLittleOpen) {
+  // An alley between two solid blocks on a floor that goes on below them: so little of it is open that places which see nothing are common
+  // in it. Each side of the alley cuts texels whose middles are free.
+  SceneBuilder b(4);
+  const std::uint32_t m = b.material(Rgb(0.5f));
+  b.quad({-2, 0, -2}, {0, 0, 4}, {4, 0, 0}, m);
+  const double near = -0.12, far = 0.22, height = 1.0;
+  const auto block = [&](float from, float to) {
+    const glm::vec3 lo(-1.5f, -0.1f, from), X(3, 0, 0), Y(0, 0.1f + float(height), 0), Z(0, 0, to - from);
+    b.quad(lo, Z, Y, m);  // fronts outwards
+    b.quad(lo + X, Y, Z, m);
+    b.quad(lo, Y, X, m);
+    b.quad(lo + Z, X, Y, m);
+    b.quad(lo + Y, Z, X, m);
+  };
+  block(-1.0f, float(near));
+  block(float(far), 1.0f);
+  const int side = 256;
+  const Baked baked = bake(b.scene, {.error = 0.005}, side);
+  const double cell = side / 4.0, texel = 4.0 / (0.8 * cell);
+  std::size_t cut = 0;
+  baked.forObject(0, [&](std::size_t i) {
+    const double z = -2.0 + 4.0 * ((double(i % side) + 0.5) / cell - 0.1) / 0.8,
+                 x = -2.0 + 4.0 * ((double(i / side) + 0.5) / cell - 0.1) / 0.8;
+    if (std::abs(x) > 0.5 || z < near || z > far) return;
+    // Of an endless alley, at the middle of the part of the texel that is free; the ends let in less than 0.03 more.
+    const double at = 0.5 * (std::max(z - 0.5 * texel, near) + std::min(z + 0.5 * texel, far));
+    const auto sine = [&](double away) { return away / std::sqrt(away * away + height * height); };
+    const double open = 0.5 * (sine(at - near) + sine(far - at));
+    ASSERT_LT(open, 0.2);
+    cut += z - near < 0.5 * texel || far - z < 0.5 * texel;
+    // Four standard errors of 0.005, twice that where half of a texel's places do not count.
+    EXPECT_NEAR(baked.openness.cosine[i], open + 0.015, 0.015 + 0.04) << x << ' ' << z;
+  });
+  EXPECT_GT(cut, 20u);
+}
+
 TEST(VertexOpenness, IsOneOutsideAndHalfAlongAnInnerEdge) {
   const Scene scene = corner();
   const Openness all = bakeVertices(scene, Tracer(scene), {.error = 0.002}, {});

@@ -169,6 +169,18 @@ TEST(Charts, MirroredChartsKeepTheFront) {
   EXPECT_NEAR(p.geometricNormal.y, 1.0, 1e-12);
 }
 
+TEST(Texels, TheMiddleOfACutTexelIsThatOfItsCoveredPart) {
+  const Scene scene = chartAt({1, 1}, {5.5f, 5.25f}, 8);
+  const Charts charts = findCharts(scene, 8, {});
+  const TexelTile tile = TexelMap(scene, charts, 8).texels(0);
+  const auto middle = [&](int x, int y) { return TexelSampler(scene, tile, tile.at(x, y)).middle().position_m; };
+  // 2 m along u, -3 m along v.
+  const auto expected = [](double u, double v) { return glm::dvec3(2.0 * (u - 1.0) / 4.5, 0.0, -3.0 * (v - 1.0) / 4.25); };
+  EXPECT_LT(glm::distance(middle(2, 3), expected(2.5, 3.5)), 1e-6);
+  EXPECT_LT(glm::distance(middle(5, 3), expected(5.25, 3.5)), 1e-6);
+  EXPECT_LT(glm::distance(middle(5, 5), expected(5.25, 5.125)), 1e-6);
+}
+
 TEST(MapSide, FollowsTheDensity) {
   const Scene scene = chartAt({0, 0}, {64, 64}, 128);  // 6 m^2 on a quarter of the map
   EXPECT_EQ(mapSide(scene, 96, 16.0), 96);
