@@ -178,22 +178,6 @@ class Shade(Case):
             self.assertLess(max(means), 1e-3, f'{view}: {figures}')
             lmc('shade', out, '-o', self.folder / 'x.exr', '--view', view, '--width', 8, '--height', 6)
 
-    def test_openness_is_that_of_the_picture(self):
-        # Texels inside solids, dark in ao.exr, are not in ao.png.
-        out = self.folder / 'out'
-        lmc('bake', self.sample('court.glb'), '-o', out, '--effects', 'ao', '--map-size', '64', '--progress', 'none')
-        pictures = [self.folder / f'{k}.png' for k in range(3)]
-        size = ('--view', 'ao', '--width', 48, '--height', 36)
-        lmc('shade', out, '-o', pictures[0], *size)
-        (out / 'ao.exr').unlink()
-        sidecar = json.loads((out / 'level.lmc.json').read_text())
-        sidecar['files'] = [f for f in sidecar['files'] if f['name'] != 'ao.exr']
-        (out / 'level.lmc.json').write_text(json.dumps(sidecar))
-        lmc('shade', out, '-o', pictures[1], *size)
-        lmc('shade', self.sample('court.glb'), '-o', pictures[2], *size)
-        self.assertTrue(pictures[0].read_bytes() == pictures[1].read_bytes())
-        self.assertTrue(pictures[0].read_bytes() != pictures[2].read_bytes())
-
     def test_the_same_bytes_every_time(self):
         pictures = [self.folder / f'{k}.png' for k in range(2)]
         for picture in pictures:

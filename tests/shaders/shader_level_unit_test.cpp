@@ -29,14 +29,19 @@ void writeExrFile(const Folder& folder, const std::string& name, const std::vect
   set.commit();
 }
 
-/// A bake's folder by hand, with 2 x 2 texels. Without openness the ao.exr in it is of an older bake: the sidecar does not name it.
+/// A bake's folder by hand, with 2 x 2 texels. Without openness the ao.png in it is of an older bake: the sidecar does not name it. Its
+/// ao.exr is dark, as where texels lie inside solids.
 void writeBake(const Folder& folder, Builder level, bool withOpenness) {
   level.save(folder, "level.glb");
-  const std::vector<float> e{0.5f, 1.0f, 1.5f, 2.0f}, y{0.25f, 0.5f, 0.75f, 1.0f};
+  const std::vector<float> e{0.5f, 1.0f, 1.5f, 2.0f}, dark(4, 0.0f);
+  Image<glm::u8vec4> openness(2, 2);
+  for (std::size_t i = 0; i < 4; ++i) openness.pixels[i] = glm::u8vec4(glm::u8vec3(51 * (i + 1)), 255);
   writeExrFile(folder, "lightmap.exr", {{"R", e.data()}, {"G", e.data()}, {"B", e.data()}}, 4.0f);
-  writeExrFile(folder, "ao.exr", {{"Y", y.data()}}, 1.0f);
+  writeExrFile(folder, "ao.exr", {{"Y", dark.data()}}, 1.0f);
+  const std::vector<std::uint8_t> png = encodePng(openness, false);
+  folder.write("ao.png", std::string(png.begin(), png.end()));
   Json sidecar{{"maps", {{{"file", "lightmap.exr"}}}}};
-  if (withOpenness) sidecar["maps"][0]["ao"] = "ao.exr";
+  if (withOpenness) sidecar["maps"][0].update({{"ao", "ao.exr"}, {"ao_picture", "ao.png"}});
   for (const char* name : {"level.glb", "lightmap.exr"})
     sidecar["files"].push_back({{"name", name}, {"xxh3", contentHash(readFile(folder.path() / name))}});
   folder.write("level.lmc.json", sidecar.dump());
@@ -60,8 +65,8 @@ TEST(ShaderLevel, MapsOfABakeAreReadWithTheirScaleAndSampledByMapUvs) {
   // The square's V runs upwards with y; the map's rows run down with V.
   EXPECT_NEAR(frame[shaders::Target::Baked].at(0, 1).x, 4.0f * 0.5f, 4.0f * kHalfRounding);
   EXPECT_NEAR(frame[shaders::Target::Baked].at(1, 0).x, 4.0f * 2.0f, 8.0f * kHalfRounding);
-  EXPECT_NEAR(frame[shaders::Target::Diffuse].at(0, 1).w, 0.25f, kHalfRounding);
-  EXPECT_NEAR(frame[shaders::Target::Diffuse].at(1, 0).w, 1.0f, kHalfRounding);
+  EXPECT_NEAR(frame[shaders::Target::Diffuse].at(0, 1).w, 0.2f, kHalfRounding);
+  EXPECT_NEAR(frame[shaders::Target::Diffuse].at(1, 0).w, 0.8f, kHalfRounding);
   EXPECT_NEAR(frame[shaders::Target::DiffuseLight].at(1, 0).x, 8.0f / 3.14159265f, 8.0f * kHalfRounding);
 }
 
