@@ -15,8 +15,8 @@ namespace {
 
 constexpr std::size_t kBlocks = 16;       // of a batch: 256 rays, as many as a stream takes well
 constexpr double kOpenBeside = 0.25;      // (1 - 0.25)^16 = 1 %
-constexpr double kShows = 0.02;           // openness: less of it is dark with and without a rim
-constexpr int kAsked = 4;                 // places that see nothing, of a batch, until one is found to be cut off from the middle
+constexpr double kShows = 0.05;           // openness: less of it is dark with and without a rim
+constexpr int kAsked = 2;                 // places that see nothing, of a batch, until one is found to be cut off from the middle
 constexpr std::ptrdiff_t kBackFaces = 8;  // of the sixteen rays of a place: it lies inside a solid, which others may pierce
 constexpr std::uint16_t kAll = 0xffff;    // bits of a block
 static_assert(kBlock == RayFan::kRays);
