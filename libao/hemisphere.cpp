@@ -94,12 +94,15 @@ void Hemisphere::start(Batch& batch, const SurfacePoint& place, Turn& turn, std:
   b.half = turn.half;
   b.frame = turn.frame;
   b.face = place.geometricNormal;
-  const RayFan::OneRay alike{
-      glm::vec4(tracer_.lifted(place.position_m, place.geometricNormal), 0.0f), glm::vec4(0.0f), tFar(), ~0u, 0u, 0u};
+  const Lanes from = lanes(tracer_.lifted(place.position_m, place.geometricNormal));
   const Lanes x = lanes(turn.frame[0]), y = lanes(turn.frame[1]), z = lanes(turn.frame[2]);
   for (std::size_t i = 0; i < kBlock; ++i) {
-    fan.rays[i] = alike;
-    fan.rays[i].direction = std::bit_cast<glm::vec4>(d.towards[i].x * x + d.towards[i].y * y + d.towards[i].z * z);
+    RayFan::OneRay& r = fan.rays[i];
+    r.origin_m = std::bit_cast<glm::vec4>(from);
+    r.direction = std::bit_cast<glm::vec4>(d.towards[i].x * x + d.towards[i].y * y + d.towards[i].z * z);
+    r.tFar = tFar();
+    r.mask = ~0u;
+    r.id = r.flags = 0u;
   }
   if (place.normal == place.geometricNormal) return;
   for (RayFan::OneRay& r : fan.rays)
@@ -206,31 +209,55 @@ Sums::Half Hemisphere::blockedOf(const Block& b) const {
   return out;
 }
 
+/// Which places of one batch count.
+class Hemisphere::Judge {
+ public:
+  Judge(const Hemisphere& h, const Batch& batch, const Places& places, std::uint64_t address, Sums& sums)
+      : h_(h), places_(places), address_(address), sums_(sums), sight_(places.middle ? h.sightOf(batch, sums) : Sight::Alike) {}
+
+  bool counts(const Block& b, const RayFan& fan) {
+    if (sight_ == Sight::Alike) return true;
+    if (b.dark()) return !(mayBeBuried(b, fan) && middle() != Sums::Lie::Buried && h_.lie(fan, cast) == Sums::Lie::Buried);
+    if (sight_ == Sight::Parted)  // a texel that is curved meets one of the two ways
+      return !(middle() == Sums::Lie::Closed && cut(b, fan, 1.0) && cut(b, fan, -1.0));
+    // One that sees little is asked for all of them: if it is cut off, the middle may be the one that is inside.
+    if (!std::exchange(askedOpen_, true) && cut(b, fan, 1.0)) middle();
+    return true;
+  }
+
+  std::uint32_t cast = 0;  ///< rays
+
+ private:
+  /// Of a place that sees nothing.
+  bool mayBeBuried(const Block& b, const RayFan& fan) {
+    if (sight_ == Sight::Parted) return true;
+    if (!foundCut_ && asked_++ >= kAsked) return false;
+    const bool is = cut(b, fan, 1.0);
+    foundCut_ = foundCut_ || is;
+    return is;
+  }
+  Sums::Lie middle() {
+    if (sums_.middle == Sums::Lie::Unknown) sums_.middle = h_.lie(*places_.middle, address_, cast);
+    return sums_.middle;
+  }
+  bool cut(const Block& b, const RayFan& fan, double side) { return h_.cutOff(*places_.middle, b, fan, side, cast); }
+
+  const Hemisphere& h_;
+  const Places& places_;
+  std::uint64_t address_;
+  Sums& sums_;
+  Sight sight_;
+  int asked_ = 0;
+  bool foundCut_ = false, askedOpen_ = false;
+};
+
 /// Traces a batch and adds it up; returns the rays cast.
 std::uint32_t Hemisphere::finish(Batch& batch, const Places& places, std::uint64_t address, Sums& sums, glm::vec3* bent) const {
-  std::uint32_t cast = trace(batch);
-  const Sight sight = places.middle ? sightOf(batch, sums) : Sight::Alike;
-  const auto middle = [&] {
-    if (sums.middle == Sums::Lie::Unknown) sums.middle = lie(*places.middle, address, cast);
-    return sums.middle;
-  };
-  int asked = 0;
-  bool found = false, askedOpen = false;
+  const std::uint32_t cast = trace(batch);
+  Judge judge(*this, batch, places, address, sums);
   for (std::size_t k = 0; k < batch.count; ++k) {
     const Block& b = batch.blocks[k];
-    const auto cut = [&](double side) { return cutOff(*places.middle, b, batch.fans[k], side, cast); };
-    if (b.dark()) {
-      bool maybe = sight == Sight::Parted;
-      if (sight == Sight::Mixed && (found || asked++ < kAsked)) {
-        maybe = cut(1.0);
-        found = found || maybe;
-      }
-      if (maybe && middle() != Sums::Lie::Buried && lie(batch.fans[k], cast) == Sums::Lie::Buried) continue;
-    } else if (sight == Sight::Parted) {
-      if (middle() == Sums::Lie::Closed && cut(1.0) && cut(-1.0)) continue;  // the texel, where it is curved, meets one of the two ways
-    } else if (sight == Sight::Mixed && !std::exchange(askedOpen, true) && cut(1.0)) {
-      middle();  // it may be the one that is inside
-    }
+    if (!judge.counts(b, batch.fans[k])) continue;
     Sums::Half& h = sums.halves[b.half];
     h.cosine += b.directions->allCosine;
     h.uniform += b.directions->allUniform;
@@ -243,7 +270,7 @@ std::uint32_t Hemisphere::finish(Batch& batch, const Places& places, std::uint64
     *bent += b.frame * open;
   }
   batch.count = 0;
-  return cast;
+  return cast + judge.cast;
 }
 
 std::uint32_t Hemisphere::castFrom(std::uint64_t address, std::uint32_t from, std::uint32_t until, const Places& places, Sums& sums,

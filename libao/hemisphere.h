@@ -61,6 +61,7 @@ class Hemisphere {
   struct Block;
   struct Batch;
   struct Turn;
+  class Judge;
   std::uint32_t castFrom(std::uint64_t address, std::uint32_t from, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
   void start(Batch&, const SurfacePoint&, Turn&, std::uint32_t block) const;
   std::uint32_t trace(Batch&) const;

@@ -64,7 +64,7 @@ PatchMesh makeAdaptivePatches(const Scene& scene, const Tracer& tracer, const Di
         const auto c = scene.corners_m(f.triangle);
         const glm::dvec3 du = f.baryX.x * (c[1] - c[0]) + f.baryX.y * (c[2] - c[0]),
                          dv = f.baryY.x * (c[1] - c[0]) + f.baryY.y * (c[2] - c[0]);
-        const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
+        const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).middle();
         light[i] = {p.triangle, p.bary, float(double(tile.at(x, y).coverage) * glm::length(glm::cross(du, dv))),
                     mean3(reflectanceAt(scene, p.triangle, p.bary) * (map.illuminance[i] + indirect[i]))};
       }

@@ -22,7 +22,7 @@ TexelPatches::TexelPatches(const Scene& scene, const PatchMesh& mesh, const Texe
     for (int y = 0; y < tile.height; ++y)
       for (int x = 0; x < tile.width; ++x) {
         if (tile.at(x, y).fragmentCount == 0) continue;
-        const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).at({0.5f, 0.5f});
+        const SurfacePoint p = TexelSampler(scene, tile, tile.at(x, y)).middle();
         const std::size_t i = std::size_t(tile.y0 + y) * std::size_t(texels.width()) + std::size_t(tile.x0 + x);
         patch[i] = mesh.patchAt(p.triangle, p.bary, true);
         position_m[i] = glm::vec3(p.position_m);

@@ -10,6 +10,8 @@
 #include <jpeglib.h>
 #include <png.h>
 
+#include "libscene/error.h"
+
 namespace lmc {
 namespace {
 
@@ -233,6 +235,12 @@ DecodedImage decodeImage(std::span<const std::uint8_t> bytes, std::uint64_t maxP
   if (startsWith(kPng)) return decodePng(bytes, maxPixels);
   if (startsWith(kJpeg)) return decodeJpeg(bytes, maxPixels);
   return problem("neither a PNG nor a JPEG", "LMC_TEXTURE_TYPE");
+}
+
+Image<glm::u8vec4> pictureOf(const std::filesystem::path& file, std::span<const std::uint8_t> bytes, std::uint64_t maxPixels) {
+  DecodedImage decoded = decodeImage(bytes, maxPixels);
+  if (decoded.problem) throw Error(Exit::Broken, file, "", decoded.problem->text, decoded.problem->code);
+  return std::move(decoded.image);
 }
 
 DecodedDeepImage decodeDeepImage(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels) {

@@ -2,6 +2,7 @@
 /// PNG and JPEG (libpng, libjpeg-turbo only in image_file.cpp). Sizes are checked on the header before anything is decoded.
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <glm/gtc/type_precision.hpp>
 #include <optional>
 #include <span>
@@ -25,6 +26,8 @@ struct DecodedImage {
   std::string warning;
 };
 DecodedImage decodeImage(std::span<const std::uint8_t> bytes, std::uint64_t maxPixels);
+/// Of a file that stands by itself, in no level: a problem is an Error of that file (Broken).
+Image<glm::u8vec4> pictureOf(const std::filesystem::path& file, std::span<const std::uint8_t> bytes, std::uint64_t maxPixels);
 
 /// The same with 16 bits a channel: as stored where the file has them, else spread over the whole range (255 -> 65535).
 struct DecodedDeepImage {

@@ -123,20 +123,28 @@ SurfacePoint TexelSampler::at(std::size_t fragment, glm::dvec2 at) const {
   return facets_[fragment].at(insideTriangle(f.bary0 + at.x * f.baryX + at.y * f.baryY));
 }
 
+template <class F>
+void TexelSampler::forTriangles(const F& f) const {
+  for (std::size_t i = 0; i < texel_.fragmentCount; ++i) {
+    const Fragment& fragment = tile_.fragments[texel_.firstFragment + i];
+    const glm::dvec2* p = tile_.corners.data() + fragment.firstCorner;
+    for (std::uint32_t k = 2; k < fragment.cornerCount; ++k) {
+      const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
+      if (area > 0.0 && !f(i, p[0], p[k - 1], p[k], area)) return;
+    }
+  }
+}
+
 SurfacePoint TexelSampler::middle() const {
   glm::dvec2 place(0.5);
   if (texel_.coverage < kWholeSquare) {
     glm::dvec2 sum(0.0);
     double all = 0.0;
-    for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
-      const Fragment& f = tile_.fragments[texel_.firstFragment + i];
-      const glm::dvec2* p = tile_.corners.data() + f.firstCorner;
-      for (std::uint32_t k = 2; k < f.cornerCount; ++k) {
-        const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
-        sum += area / 3.0 * (p[0] + p[k - 1] + p[k]);
-        all += area;
-      }
-    }
+    forTriangles([&](std::size_t, glm::dvec2 a, glm::dvec2 b, glm::dvec2 c, double area) {
+      sum += area / 3.0 * (a + b + c);
+      all += area;
+      return true;
+    });
     if (all > 0.0) place = sum / all;
   }
   return at(fragmentAt(place), place);
@@ -145,31 +153,17 @@ SurfacePoint TexelSampler::middle() const {
 SurfacePoint TexelSampler::at(glm::vec2 u) const {
   // A full square keeps the sample where it is, so that its stratification holds.
   if (texel_.coverage >= kWholeSquare) return at(fragmentAt(glm::dvec2(u)), glm::dvec2(u));
-  const Fragment* fragments = tile_.fragments.data() + texel_.firstFragment;
-  const Fragment* chosen = fragments;
   // Choose a triangle of the fans by area with u.x, and use what is left of u.x again within it.
-  double target = double(u.x) * texel_.coverage;
+  double target = double(u.x) * texel_.coverage, part = 0.0;
+  std::size_t chosen = 0;
   glm::dvec2 a(0.0), b(0.0), c(0.0);
-  double part = 0.0;
-  for (std::uint32_t i = 0; i < texel_.fragmentCount; ++i) {
-    const glm::dvec2* p = tile_.corners.data() + fragments[i].firstCorner;
-    bool found = false;
-    for (std::uint32_t k = 2; k < fragments[i].cornerCount; ++k) {
-      const double area = 0.5 * Polygon2::cross(p[k - 1] - p[0], p[k] - p[0]);
-      if (area <= 0.0) continue;
-      chosen = fragments + i;
-      a = p[0];
-      b = p[k - 1];
-      c = p[k];
-      part = area;
-      found = target < area;
-      if (found) break;
-      target -= area;
-    }
-    if (found) break;
-  }
+  forTriangles([&](std::size_t fragment, glm::dvec2 first, glm::dvec2 second, glm::dvec2 third, double area) {
+    target -= part;
+    chosen = fragment, a = first, b = second, c = third, part = area;
+    return target >= area;
+  });
   const double s = std::sqrt(std::clamp(part > 0.0 ? target / part : 0.5, 0.0, 1.0));
-  return at(std::size_t(chosen - fragments), a + s * (1.0 - double(u.y)) * (b - a) + s * double(u.y) * (c - a));
+  return at(chosen, a + s * (1.0 - double(u.y)) * (b - a) + s * double(u.y) * (c - a));
 }
 
 TexelMap::TexelMap(const Scene& scene, const Charts& charts, int side, int maps)

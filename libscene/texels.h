@@ -90,6 +90,9 @@ class TexelSampler {
   SurfacePoint middle() const;
 
  private:
+  /// f(fragment, its triangle, its area in texels) for the fans of the fragments' polygons, until it returns false.
+  template <class F>
+  void forTriangles(const F& f) const;
   std::size_t fragmentAt(glm::dvec2 at) const;
   SurfacePoint at(std::size_t fragment, glm::dvec2 at) const;
   const TexelTile& tile_;

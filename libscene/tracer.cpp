@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <cstddef>
@@ -196,11 +197,14 @@ static_assert(sizeof(RayFan) == RayFan::kRays * sizeof(RTCRay));
 static_assert(offsetof(RayFan::OneRay, direction) == offsetof(RTCRay, dir_x) && offsetof(RayFan::OneRay, tFar) == offsetof(RTCRay, tfar));
 static_assert(offsetof(RayFan::OneRay, mask) == offsetof(RTCRay, mask) && offsetof(RayFan::OneRay, flags) == offsetof(RTCRay, flags));
 
+/// 1 or 0: cheaper than to compare. No tFar is -0.
+static unsigned isBelow0(float tFar) { return std::bit_cast<std::uint32_t>(tFar) >> 31; }
+
 std::uint64_t Tracer::occluded(std::span<RayFan> fans, std::span<std::uint16_t> blocked, Purpose purpose) const {
   assert(fans.size() == blocked.size());
-  std::uint64_t cast = 0;
+  std::uint64_t cast = fans.size() * RayFan::kRays;
   for (const RayFan& f : fans)
-    for (const RayFan::OneRay& r : f.rays) cast += r.tFar >= 0.0f ? 1 : 0;
+    for (const RayFan::OneRay& r : f.rays) cast -= isBelow0(r.tFar);
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
@@ -210,7 +214,7 @@ std::uint64_t Tracer::occluded(std::span<RayFan> fans, std::span<std::uint16_t> 
   }
   for (std::size_t k = 0; k < fans.size(); ++k) {
     unsigned bits = 0;
-    for (unsigned i = 0; i < RayFan::kRays; ++i) bits |= (fans[k].rays[i].tFar < 0.0f ? 1u : 0u) << i;
+    for (std::size_t i = RayFan::kRays; i-- > 0;) bits = 2 * bits + isBelow0(fans[k].rays[i].tFar);
     blocked[k] = std::uint16_t(bits);
   }
   count(purpose, cast);

@@ -21,15 +21,14 @@ ExrImage readAny(const std::filesystem::path& file) {
   const std::vector<std::uint8_t> bytes = readFile(file);
   constexpr std::uint8_t kExrMagic[4] = {0x76, 0x2f, 0x31, 0x01};
   if (bytes.size() >= 4 && std::equal(kExrMagic, kExrMagic + 4, bytes.begin())) return readExr(file);
-  const DecodedImage decoded = decodeImage(bytes, LoadLimits{}.maxTexturePixels);
-  if (decoded.problem) throw Error(Exit::Broken, file, "", decoded.problem->text, decoded.problem->code);
+  const Image<glm::u8vec4> picture = pictureOf(file, bytes, LoadLimits{}.maxTexturePixels);
   ExrImage image;
-  image.width = decoded.image.width;
-  image.height = decoded.image.height;
+  image.width = picture.width;
+  image.height = picture.height;
   const char* names[4] = {"R", "G", "B", "A"};
   for (int c = 0; c < 4; ++c) {
     std::vector<float>& data = image.channels[names[c]];
-    for (const glm::u8vec4& p : decoded.image.pixels) data.push_back(float(p[c]) / 255.0f);
+    for (const glm::u8vec4& p : picture.pixels) data.push_back(float(p[c]) / 255.0f);
   }
   return image;
 }

@@ -52,7 +52,7 @@ class ExplainedTexel {
     }
   }
 
-  SurfacePoint middle() const { return sampler_.at(glm::vec2(0.5f)); }
+  SurfacePoint middle() const { return sampler_.middle(); }
   double coverage() const { return double(tile_.at(x_ % kTile, y_ % kTile).coverage); }
 
   /// Every lamp that would shine here if nothing blocked it, and the number of all others.

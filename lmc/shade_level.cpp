@@ -41,10 +41,9 @@ void readLightMap(const fs::path& file, shaders::LevelMaps& maps) {
 
 /// Of the picture, for ao.exr is dark where texels lie inside solids, and lookups at the foot of a wall would show that.
 Image<float> readOpenness(const fs::path& file) {
-  const DecodedImage decoded = decodeImage(readFile(file), LoadLimits{}.maxTexturePixels);
-  if (decoded.problem) throw Error(Exit::Broken, file, "", decoded.problem->text, decoded.problem->code);
-  Image<float> out(decoded.image.width, decoded.image.height);
-  for (std::size_t i = 0; i < out.pixels.size(); ++i) out.pixels[i] = float(decoded.image.pixels[i].r) / 255.0f;
+  const Image<glm::u8vec4> picture = pictureOf(file, readFile(file), LoadLimits{}.maxTexturePixels);
+  Image<float> out(picture.width, picture.height);
+  for (std::size_t i = 0; i < out.pixels.size(); ++i) out.pixels[i] = float(picture.pixels[i].r) / 255.0f;
   return out;
 }
 

@@ -43,6 +43,18 @@ TEST(Texels, CoverageIsExact) {
   EXPECT_NEAR(covered, 70.5 * 69.625, 1e-2);
 }
 
+TEST(Texels, TheMiddleOfACutTexelIsThatOfItsCoveredPart) {
+  const Scene scene = chartAt({1, 1}, {5.5f, 5.25f}, 8);
+  const Charts charts = findCharts(scene, 8, {});
+  const TexelTile tile = TexelMap(scene, charts, 8).texels(0);
+  const auto middle = [&](int x, int y) { return TexelSampler(scene, tile, tile.at(x, y)).middle().position_m; };
+  // 2 m along u, -3 m along v.
+  const auto expected = [](double u, double v) { return glm::dvec3(2.0 * (u - 1.0) / 4.5, 0.0, -3.0 * (v - 1.0) / 4.25); };
+  EXPECT_LT(glm::distance(middle(2, 3), expected(2.5, 3.5)), 1e-6);
+  EXPECT_LT(glm::distance(middle(5, 3), expected(5.25, 3.5)), 1e-6);
+  EXPECT_LT(glm::distance(middle(5, 5), expected(5.25, 5.125)), 1e-6);
+}
+
 TEST(Texels, SamplesStayInTheCoveredPartAndFillItEvenly) {
   const int side = 8;
   const Scene scene = chartAt({2.0f, 2.0f}, {5.5f, 5.25f}, side);
@@ -167,18 +179,6 @@ TEST(Charts, MirroredChartsKeepTheFront) {
   const SurfacePoint p = TexelSampler(scene, tile, tile.at(5, 1)).at({0.5f, 0.5f});
   EXPECT_NEAR(p.position_m.x, 0.25, 1e-6);  // texel 5.5 is 1/8 of the way from 6 to 2, of 2 m
   EXPECT_NEAR(p.geometricNormal.y, 1.0, 1e-12);
-}
-
-TEST(Texels, TheMiddleOfACutTexelIsThatOfItsCoveredPart) {
-  const Scene scene = chartAt({1, 1}, {5.5f, 5.25f}, 8);
-  const Charts charts = findCharts(scene, 8, {});
-  const TexelTile tile = TexelMap(scene, charts, 8).texels(0);
-  const auto middle = [&](int x, int y) { return TexelSampler(scene, tile, tile.at(x, y)).middle().position_m; };
-  // 2 m along u, -3 m along v.
-  const auto expected = [](double u, double v) { return glm::dvec3(2.0 * (u - 1.0) / 4.5, 0.0, -3.0 * (v - 1.0) / 4.25); };
-  EXPECT_LT(glm::distance(middle(2, 3), expected(2.5, 3.5)), 1e-6);
-  EXPECT_LT(glm::distance(middle(5, 3), expected(5.25, 3.5)), 1e-6);
-  EXPECT_LT(glm::distance(middle(5, 5), expected(5.25, 5.125)), 1e-6);
 }
 
 TEST(MapSide, FollowsTheDensity) {
