@@ -13,12 +13,11 @@ namespace lmc::ao {
 
 namespace {
 
-constexpr std::size_t kBlocks = 16;       // of a batch: 256 rays, as many as a stream takes well
-constexpr double kOpenBeside = 0.25;      // (1 - 0.25)^16 = 1 %
-constexpr double kShows = 0.05;           // openness: less of it is dark with and without a rim
-constexpr int kAsked = 2;                 // places that see nothing, of a batch, until one is found to be cut off from the middle
-constexpr std::ptrdiff_t kBackFaces = 8;  // of the sixteen rays of a place: it lies inside a solid, which others may pierce
-constexpr std::uint16_t kAll = 0xffff;    // bits of a block
+constexpr std::size_t kBlocks = 16;     // of a batch: 256 rays, as many as a stream takes well
+constexpr double kOpenBeside = 0.25;    // (1 - 0.25)^16 = 1 %
+constexpr double kShows = 0.05;         // openness: less of it is dark with and without a rim
+constexpr int kAsked = 2;               // places that see nothing, of a batch, until one is found to be cut off from the middle
+constexpr std::uint16_t kAll = 0xffff;  // bits of a block
 static_assert(kBlock == RayFan::kRays);
 
 }  // namespace
@@ -97,6 +96,7 @@ void Hemisphere::start(Batch& batch, const SurfacePoint& place, Turn& turn, std:
   const Lanes from = lanes(tracer_.lifted(place.position_m, place.geometricNormal));
   const Lanes x = lanes(turn.frame[0]), y = lanes(turn.frame[1]), z = lanes(turn.frame[2]);
   for (std::size_t i = 0; i < kBlock; ++i) {
+    // Each member as it will be read: a register that is filled from parts just written waits for all of them.
     RayFan::OneRay& r = fan.rays[i];
     r.origin_m = std::bit_cast<glm::vec4>(from);
     r.direction = std::bit_cast<glm::vec4>(d.towards[i].x * x + d.towards[i].y * y + d.towards[i].z * z);
@@ -154,14 +154,11 @@ Hemisphere::Sight Hemisphere::sightOf(const Batch& batch, const Sums& before) {
 }
 
 /// How the place of a fan lies.
-Sums::Lie Hemisphere::lie(const RayFan& fan, std::uint32_t& cast) const {
-  std::array<Ray, kBlock> rays;
-  std::array<Hit, kBlock> hits;
-  for (std::size_t i = 0; i < kBlock; ++i) rays[i] = fan.ray(i, std::numeric_limits<float>::infinity());
-  tracer_.closest(rays, hits, Purpose::Occlusion);
-  cast += kBlock;
-  if (!std::ranges::all_of(hits, [](const Hit& h) { return bool(h); })) return Sums::Lie::Free;
-  return std::ranges::count_if(hits, [](const Hit& h) { return !h.front; }) >= kBackFaces ? Sums::Lie::Buried : Sums::Lie::Closed;
+Lie Hemisphere::lie(const RayFan& fan, std::uint32_t& cast) const {
+  std::array<Ray, kLieRays> rays;
+  for (std::size_t i = 0; i < kLieRays; ++i) rays[i] = fan.ray(i, std::numeric_limits<float>::infinity());
+  cast += kLieRays;
+  return lieOf(tracer_, rays, Purpose::Occlusion);
 }
 
 /// Whether a surface lies across the way between two places of a texel, just above it (side 1) or just below (-1).
@@ -172,7 +169,7 @@ bool Hemisphere::cutOff(const SurfacePoint& from, const Block& b, const RayFan& 
   return tracer_.occluded(Ray{start, end - start, 1.0f}, Purpose::Occlusion);
 }
 
-Sums::Lie Hemisphere::lie(const SurfacePoint& place, std::uint64_t address, std::uint32_t& cast) const {
+Lie Hemisphere::lie(const SurfacePoint& place, std::uint64_t address, std::uint32_t& cast) const {
   Batch batch;
   Turn turn(address, 0);
   start(batch, place, turn, 0);
@@ -217,9 +214,9 @@ class Hemisphere::Judge {
 
   bool counts(const Block& b, const RayFan& fan) {
     if (sight_ == Sight::Alike) return true;
-    if (b.dark()) return !(mayBeBuried(b, fan) && middle() != Sums::Lie::Buried && h_.lie(fan, cast) == Sums::Lie::Buried);
+    if (b.dark()) return !(mayBeBuried(b, fan) && middle() != Lie::Buried && h_.lie(fan, cast) == Lie::Buried);
     if (sight_ == Sight::Parted)  // a texel that is curved meets one of the two ways
-      return !(middle() == Sums::Lie::Closed && cut(b, fan, 1.0) && cut(b, fan, -1.0));
+      return !(middle() == Lie::Closed && cut(b, fan, 1.0) && cut(b, fan, -1.0));
     // One that sees little is asked for all of them: if it is cut off, the middle may be the one that is inside.
     if (!std::exchange(askedOpen_, true) && cut(b, fan, 1.0)) middle();
     return true;
@@ -236,8 +233,8 @@ class Hemisphere::Judge {
     foundCut_ = foundCut_ || is;
     return is;
   }
-  Sums::Lie middle() {
-    if (sums_.middle == Sums::Lie::Unknown) sums_.middle = h_.lie(*places_.middle, address_, cast);
+  Lie middle() {
+    if (sums_.middle == Lie::Unknown) sums_.middle = h_.lie(*places_.middle, address_, cast);
     return sums_.middle;
   }
   bool cut(const Block& b, const RayFan& fan, double side) { return h_.cutOff(*places_.middle, b, fan, side, cast); }
@@ -292,11 +289,11 @@ std::uint32_t Hemisphere::castFrom(std::uint64_t address, std::uint32_t from, st
 
 std::uint32_t Hemisphere::cast(std::uint64_t address, std::uint32_t until, const Places& places, Sums& sums, glm::vec3* bent) const {
   if (until <= sums.rays) return 0;
-  const bool unasked = sums.rays > 0 && sums.middle == Sums::Lie::Unknown, dark = sums.uniform() == 0.0;
+  const bool unasked = sums.rays > 0 && sums.middle == Lie::Unknown, dark = sums.uniform() == 0.0;
   const glm::vec3 bentBefore = bent ? *bent : glm::vec3(0.0f);
   std::uint32_t cast = castFrom(address, sums.rays, until, places, sums, bent);
   // Only now it shows that places see different things: which of the first ones lay inside a solid, or beyond a wall, is asked again.
-  if (unasked && (sums.middle == Sums::Lie::Closed || (dark && sums.middle == Sums::Lie::Free))) {
+  if (unasked && (sums.middle == Lie::Closed || (dark && sums.middle == Lie::Free))) {
     sums = Sums{{}, 0, sums.middle};
     if (bent) *bent = bentBefore;
     cast += castFrom(address, 0, until, places, sums, bent);

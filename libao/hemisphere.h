@@ -6,6 +6,7 @@
 
 #include "libao/ao.h"
 #include "libao/directions.h"
+#include "libscene/burial.h"
 
 namespace lmc::ao {
 
@@ -16,9 +17,9 @@ struct Sums {
   };
   std::array<Half, 2> halves;
   std::uint32_t rays = 0;  ///< each half, below faces included
-  /// Where the texel's middle lies: inside a solid that stands on its surface, or where all is closed, and what other places see of the
-  /// open they see from beyond a surface. Asked only where some of its places see nothing.
-  enum class Lie : std::uint8_t { Unknown, Free, Buried, Closed } middle = Lie::Unknown;
+  /// How the texel's middle lies. Where it is closed, what other places see of the open they see from beyond a surface. Asked only where
+  /// some of its places see nothing.
+  Lie middle = Lie::Unknown;
 
   // Blocked sums are made of the same terms in the same order: all blocked is exactly 0, none exactly 1. A half whose every place lay
   // inside a solid knows nothing, and the other speaks for it.
@@ -51,8 +52,8 @@ class Hemisphere {
   /// null, takes the open directions. Returns the rays cast.
   std::uint32_t cast(std::uint64_t address, std::uint32_t until, const Places&, Sums&, glm::vec3* bent) const;
 
-  /// How a place lies: buried where most rays from it meet backs of faces. Adds the rays that it costs.
-  Sums::Lie lie(const SurfacePoint&, std::uint64_t address, std::uint32_t& cast) const;
+  /// How a place lies. Adds the rays that it costs.
+  Lie lie(const SurfacePoint&, std::uint64_t address, std::uint32_t& cast) const;
 
   /// The rays until each half has `until`, as cast() traces them: those with tFar below 0 are not.
   std::vector<RayFan> fans(std::uint64_t address, std::uint32_t until, const Places&) const;
@@ -72,7 +73,7 @@ class Hemisphere {
   float tFar() const { return float(options_.distance_m); }
   float shareOf(const Block&, std::size_t i) const;
   Sums::Half blockedOf(const Block&) const;
-  Sums::Lie lie(const RayFan&, std::uint32_t& cast) const;
+  Lie lie(const RayFan&, std::uint32_t& cast) const;
   bool cutOff(const SurfacePoint& from, const Block&, const RayFan&, double side, std::uint32_t& cast) const;
   std::uint32_t finish(Batch&, const Places&, std::uint64_t address, Sums&, glm::vec3* bent) const;
 

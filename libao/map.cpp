@@ -4,6 +4,7 @@
 
 #include "libao/rounds.h"
 #include "libscene/journal.h"
+#include "libscene/neighbours.h"
 #include "libscene/parallel.h"
 #include "libscene/rng.h"
 
@@ -15,23 +16,12 @@ constexpr int kPoolSide = 4;      // texels
 constexpr double kOpen = 0.05;    // beside less, a dark rim would hardly show
 constexpr double kDarker = 0.25;  // than the most open neighbour
 
-/// f(j) for the eight neighbours of a texel in its chart.
-template <class F>
-void forNeighbours(std::span<const std::uint32_t> chart, int width, std::size_t i, const F& f) {
-  const int x = int(i % std::size_t(width)), y = int(i / std::size_t(width)), height = int(chart.size() / std::size_t(width));
-  for (int dy = -1; dy <= 1; ++dy)
-    for (int dx = -1; dx <= 1; ++dx) {
-      if ((dx == 0 && dy == 0) || x + dx < 0 || y + dy < 0 || x + dx >= width || y + dy >= height) continue;
-      const std::size_t j = std::size_t(y + dy) * std::size_t(width) + std::size_t(x + dx);
-      if (chart[j] == chart[i]) f(j);
-    }
-}
-
 /// Whether a texel is nearly dark beside one that is not.
 bool isDarkBesideOpen(std::span<const Sums> sums, std::span<const std::uint32_t> chart, int width, std::size_t i) {
-  if (chart[i] == kNone || sums[i].middle != Sums::Lie::Unknown) return false;
+  if (chart[i] == kNone || sums[i].middle != Lie::Unknown) return false;
   double beside = 0.0;
-  forNeighbours(chart, width, i, [&](std::size_t j) { beside = std::max(beside, sums[j].uniform()); });
+  for (const std::size_t j : ringOf(chart, width, i))
+    if (j != kNoTexel) beside = std::max(beside, sums[j].uniform());
   return beside > kOpen && sums[i].uniform() < kDarker * beside;
 }
 
@@ -62,11 +52,11 @@ class MapBaker {
         last, [&](std::size_t i) { return isDarkBesideOpen(sums_, chart_, texels_.width(), i); },
         [&](std::size_t i, const Places& places, std::uint64_t address) {
           std::uint32_t rays = 0;
-          out.buried[i] = hemisphere_.lie(*places.middle, address, rays) == Sums::Lie::Buried;
+          out.buried[i] = hemisphere_.lie(*places.middle, address, rays) == Lie::Buried;
           return rays;
         });
     for (std::size_t i = 0; i < sums_.size(); ++i) {
-      out.buried[i] |= sums_[i].middle == Sums::Lie::Buried;
+      out.buried[i] |= sums_[i].middle == Lie::Buried;
       if (out.buried[i] != 0) out.cosine[i] = out.uniform[i] = out.error[i] = 0.0f;
     }
     unitAll(bent_);
@@ -175,11 +165,11 @@ TexelArray<float> withoutRims(const Openness& openness, std::span<const std::uin
   for (std::size_t i = 0; i < out.size(); ++i) {
     if (openness.buried[i] == 0) continue;
     double sum = 0.0, beside = 0.0;
-    forNeighbours(chart, width, i, [&](std::size_t j) {
-      if (openness.buried[j] != 0 || openness.uniform[j] <= 0.0f) return;
+    for (const std::size_t j : ringOf(chart, width, i)) {
+      if (j == kNoTexel || openness.buried[j] != 0 || openness.uniform[j] <= 0.0f) continue;
       sum += double(openness.cosine[j]);
       beside += 1.0;
-    });
+    }
     if (beside > 0.0) out[i] = float(sum / beside);
   }
   return out;

@@ -19,7 +19,7 @@ constexpr double kDark = 0.01;
 struct Spread {
   double cosine2 = 0.0, uniform2 = 0.0;
   void add(const Sums& s) {
-    if (s.middle == Sums::Lie::Buried) return;  // 0, whatever its rays say
+    if (s.middle == Lie::Buried) return;  // 0, whatever its rays say
     const double c = 0.5 * (s.cosine(0) - s.cosine(1)), u = 0.5 * (s.uniform(0) - s.uniform(1));
     cosine2 += c * c;
     uniform2 += u * u;
@@ -131,7 +131,7 @@ Openness castInRounds(const Options& options, std::span<const Sums> sums, std::s
     if (!giveOut(pools, kAims[k] * options.error) && k > 0) break;
     for (std::size_t i = 0; i < sums.size(); ++i)
       if (poolOf[i] != kNone)
-        wanted[i] = sums[i].middle == Sums::Lie::Buried ? sums[i].rays : std::max(sums[i].rays, wholeBlocks(pools[poolOf[i]].wanted));
+        wanted[i] = sums[i].middle == Lie::Buried ? sums[i].rays : std::max(sums[i].rays, wholeBlocks(pools[poolOf[i]].wanted));
     const double next = k == 0 ? 0.7 : 0.5 * (1.0 + done);
     out.rays += cast(wanted, done, next);
     done = next;
@@ -143,7 +143,7 @@ Openness castInRounds(const Options& options, std::span<const Sums> sums, std::s
   for (std::size_t i = 0; i < sums.size(); ++i) {
     if (poolOf[i] == kNone) continue;
     ++out.asked;
-    if (sums[i].middle != Sums::Lie::Buried) {
+    if (sums[i].middle != Lie::Buried) {
       out.cosine[i] = float(std::clamp(sums[i].cosine(), 0.0, 1.0));
       out.uniform[i] = float(std::clamp(sums[i].uniform(), 0.0, 1.0));
       out.error[i] = float(std::sqrt(varianceAt(pools[poolOf[i]], sums[i].rays)));

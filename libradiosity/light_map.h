@@ -51,6 +51,7 @@ struct ErrorLedger {
   double tailEstimate = 0.0;     ///< best guess of it
   double leftOut = 0.0;          ///< upper bound of the effects that the plan left out
   double seams = 0.0;            ///< RMS distance by which closing seams moved texels: meant, so no part of the estimate and the bound
+  double rims = 0.0;             ///< the same of texels partly in solids, which rims.h gave the light before them
   double estimate = 0.0;         ///< best estimate of the relative RMS error
   double bound95 = 0.0;          ///< upper bound at 95 % confidence
   double low = 0.0, high = 0.0;  ///< interval of the true error, 90 %: its upper end is the bound

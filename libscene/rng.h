@@ -41,7 +41,8 @@ enum class Draw : std::uint64_t {
   Links = 9,
   Openness = 10,
   Audit = 11,
-  AuditChoice = 12
+  AuditChoice = 12,
+  Burial = 13
 };
 
 namespace sobol {

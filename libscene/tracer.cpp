@@ -290,6 +290,10 @@ void Tracer::preferFronts(std::span<const Ray> rays, std::span<Hit> hits) const 
   }
 }
 
+bool Tracer::isInsideOfSolid(const Hit& hit) const {
+  return hit && !hit.front && !device_->parts[0].scene->materialOf(hit.triangle).doubleSided;
+}
+
 namespace {
 thread_local CastCounts castHere;
 }

@@ -79,6 +79,8 @@ class Tracer {
   std::uint64_t occluded(std::span<RayFan>, std::span<std::uint16_t> blocked, Purpose) const;
   Hit closest(const Ray&, Purpose) const;
   void closest(std::span<const Ray>, std::span<Hit>, Purpose) const;
+  /// Whether the back of a one-sided face was met, which nobody sees but from within a solid.
+  bool isInsideOfSolid(const Hit&) const;
 
   /// How far a ray's start must be moved along the geometric normal so that it does not meet its own surface: 4 ulp of the level's largest
   /// coordinate, for positions computed in double from the float vertices (methods measured: 0 self hits in 1e6 rays from 1 ulp on).

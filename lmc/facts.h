@@ -11,13 +11,13 @@
 
 namespace lmc {
 
-enum class Effect { Direct, Shadow, Area, Sky, Bounce, Ao, Bent, Tangents, Seams, Near, Colour, Alpha, Specular, ScreenAo };
-inline constexpr const char* kEffectNames[] = {"direct",   "shadow", "area", "sky",    "bounce", "ao",       "bent",
-                                               "tangents", "seams",  "near", "colour", "alpha",  "specular", "screen-ao"};
+enum class Effect { Direct, Shadow, Area, Sky, Bounce, Ao, Bent, Tangents, Seams, Rims, Near, Colour, Alpha, Specular, ScreenAo };
+inline constexpr const char* kEffectNames[] = {"direct", "shadow", "area", "sky",    "bounce", "ao",       "bent",     "tangents",
+                                               "seams",  "rims",   "near", "colour", "alpha",  "specular", "screen-ao"};
 inline constexpr std::size_t kEffects = std::size(kEffectNames);
 
 /// Light, or a map; the others are ways in which these are simulated, or what a renderer is to do.
-constexpr bool isSimulated(Effect e) { return e <= Effect::Bent || e == Effect::Seams; }
+constexpr bool isSimulated(Effect e) { return e <= Effect::Bent || e == Effect::Seams || e == Effect::Rims; }
 /// Follows from what else runs, and from the level: a list of effects does not speak of it.
 constexpr bool isManner(Effect e) { return e >= Effect::Near; }
 
@@ -58,7 +58,7 @@ struct Pilot {
   double openShare = 0.0;   ///< of rays from surfaces, those that leave the level
   double meanAlbedo = 0.0;  ///< by area
   int bounces = 0;          ///< passes until what is left is negligible
-  Forecast direct, patches, solve, gather, audit, occlude, seams, rest;
+  Forecast direct, patches, solve, gather, audit, occlude, seams, rims, rest;
   double rays = 0.0, cpu_s = 0.0;  ///< spent on it
 };
 

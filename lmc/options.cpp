@@ -129,8 +129,8 @@ void addLevelOptions(CLI::App* app, BakeOptions& o) {
       ->check(CLI::IsMember({"draft", "level", "final"}))
       ->type_name("NAME");
   app->add_option("--effects", o.effects,
-                  "auto, exactly these (direct,shadow,area,sky,bounce,ao,bent,tangents,seams), or changes to auto (+sky,-bounce,-near,"
-                  "-colour,-alpha); lmc plan tells of each")
+                  "auto, exactly these (direct,shadow,area,sky,bounce,ao,bent,tangents,seams,rims), or changes to auto (+sky,+rims,"
+                  "-bounce,-near,-colour,-alpha); lmc plan tells of each")
       ->type_name("LIST");
   app->add_option_function<std::string>(
          "--passes", [&o](const std::string& t) { o.passes = passesOf(t); }, "bounces: auto (until what is left is negligible) or a number")

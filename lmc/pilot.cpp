@@ -36,13 +36,14 @@ constexpr double kGatherTexel_s = 0.4e-6;             // of the gather
 constexpr double kManyRays = 0.92;                    // a ray among many neighbours, against one of a sample
 constexpr double kAoTexel_s = 1.5e-6, kAoHard = 1.1;  // rays of later rounds go where geometry is dense
 constexpr double kSeam_s = 2.5e-4, kFinishTexel_s = 0.15e-6;
+constexpr double kRimRays = 9.6, kRimTexel_s = 2.2e-6;  // a texel
 constexpr double kLeastRay_s = 0.02e-6;
 // Against the pilot's patches: how many the bake makes at a goal of 2 %, and how often it does to them what the pilot does once.
 constexpr double kFinerPatches = 3.5, kMeshAgain = 3.0, kLightAgain = 3.0;
 // Spread of what comes out of these, beside what sampling leaves: standard deviations of the logarithm.
 constexpr double kFewBlocks = 1.4;
 constexpr double kDirectShare = 0.7;  // of the pilot's own time: it looks at every texel for direct light, at a few for the rest
-constexpr double kDirectSpread = 0.2, kPatchSpread = 0.3, kGatherSpread = 0.25, kAoSpread = 0.2, kSeamSpread = 0.5;
+constexpr double kDirectSpread = 0.2, kPatchSpread = 0.3, kGatherSpread = 0.25, kAoSpread = 0.2, kSeamSpread = 0.5, kRimSpread = 0.5;
 
 class Clock {
  public:
@@ -112,6 +113,7 @@ class PilotRun {
     }
     if (b_.plan.runs(Effect::Ao) || b_.plan.runs(Effect::Bent)) openness();
     if (b_.plan.runs(Effect::Seams)) out_.seams = forecast(0.0, kSeam_s * double(b_.seams.smooth.size()), kSeamSpread);
+    if (b_.plan.runs(Effect::Rims)) out_.rims = forecast(kRimRays * all_, kRimTexel_s * all_, kRimSpread);
     out_.rest = forecast(0.0, kFinishTexel_s * double(b_.map.size()), kSeamSpread);
     out_.rays = double(b_.tracer->rays() - raysBefore);
     out_.cpu_s = cpuSeconds() - cpuBefore;

@@ -77,6 +77,10 @@ Step automatic(Effect effect, const Facts& f) {
       if (!f.smoothSeams) return step(true, "where edges of charts meet on smooth surfaces");
       return *f.smoothSeams > 0 ? step(true, fmt::format("{} chart edges meet on smooth surfaces", *f.smoothSeams))
                                 : step(false, "no smooth seam");
+    case Effect::Rims:
+      if (!f.lit()) return step(false, "no light that could show a rim");
+      if (f.blockers == 0 || f.shape != Shape::Any) return step(false, "nothing stands on a surface");
+      return onlyIfAsked("not asked for (+rims): texels partly in solids keep their means");
   }
   return step(false, "");
 }
@@ -203,6 +207,8 @@ Cost costOf(Effect effect, const Plan& plan, const Pilot& pilot) {
       return plan.runs(Effect::Ao) ? Cost{{}, Effect::Ao} : Cost{pilot.occlude, {}};
     case Effect::Seams:
       return {pilot.seams, {}};
+    case Effect::Rims:
+      return {pilot.rims, {}};
     case Effect::Near:
       return {{}, Effect::Bounce};
     case Effect::Tangents:

@@ -30,6 +30,8 @@ std::vector<std::string_view> stagesOf(Effect effect) {
       return {"occlude"};
     case Effect::Seams:
       return {"seams"};
+    case Effect::Rims:
+      return {"rims"};
     case Effect::Tangents:
     case Effect::Near:
     case Effect::Colour:

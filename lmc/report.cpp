@@ -149,6 +149,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
                 {"interpolation", e.interpolation},
                 {"patches", e.field},
                 {"seams", e.seams},
+                {"rims", e.rims},
                 {"bounce_tail", e.tail},
                 {"bounce_tail_estimate", e.tailEstimate},
                 {"left_out", e.leftOut},
@@ -175,6 +176,7 @@ Json reportOf(const Bake& b, const Spoken& spoken, bool goalMet) {
     r["maps"].push_back({{"file", mapNames(b, "lightmap", "exr")[k]}, {"width", b.uv.side}, {"height", b.uv.side}, {"scale", b.scales[k]}});
   r["uv"] = uvOf(b.uv, b.scene);
   r["seams"] = seamsOf(b);
+  r["rims"] = {{"texels", b.rimsFilled.texels}, {"largest_move_lx", b.lightUnit * b.rimsFilled.largestMove_lx}};
   r["padding"] = {{"texels", kPadding}, {"contested", b.padding.contested.size()}};
   r["texels"] = {{"covered", e.texels}, {"gathered", e.gathered}, {"all", b.map.size()}};
   std::uint64_t twoSided = 0;

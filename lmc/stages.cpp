@@ -585,6 +585,16 @@ void occlude(Bake& b) {
                           b.openness.rmsError);
 }
 
+void rims(Bake& b) {
+  if (!b.plan.runs(Effect::Rims)) {
+    b.summary = "left out";
+    return;
+  }
+  b.rimsFilled = fillRims(b.values, b.map, freePlaces(b.values, b.map, b.scene, *b.texels, *b.tracer, b.run));
+  b.ledger.rims = b.ledger.mean > 0.0 ? b.rimsFilled.rmsMove_lx / b.ledger.mean : 0.0;
+  b.summary = fmt::format("{} texels partly in solids, moved by {:.2f} % of the light, RMS", b.rimsFilled.texels, 100.0 * b.ledger.rims);
+}
+
 void seams(Bake& b) {
   b.padding = makePadding(b.scene, b.charts, b.map.chart, b.uv.side, b.run);
   if (const auto& tight = b.padding.contested; !tight.empty())

@@ -7,6 +7,7 @@
 #include "libao/ao.h"
 #include "libradiosity/audit.h"
 #include "libradiosity/light_map.h"
+#include "libradiosity/rims.h"
 #include "libradiosity/seams.h"
 #include "libradiosity/solve.h"
 #include "libradiosity/solve_links.h"
@@ -63,6 +64,7 @@ struct Bake {
   std::vector<float> scales;              ///< one a map: E = stored value * scale
   ao::Openness openness;                  ///< empty when the plan leaves it out
   std::uint64_t occlusionRaysBefore = 0;  ///< of an openness that a draft has made
+  RimResult rimsFilled;                   // rims
   Padding padding;                        // seams
   SeamResult closed;                      ///< empty when the plan leaves seams as they are
 
@@ -95,6 +97,7 @@ bool isChecked(const BakeOptions&);
 /// What paths that check a map follow: all light that belongs to it, whether or not the plan left it out.
 PathOptions pathsFor(const Bake&);
 void occlude(Bake&);
+void rims(Bake&);
 void seams(Bake&);
 
 inline constexpr std::array kStages{
@@ -110,6 +113,7 @@ inline constexpr std::array kStages{
     StageRow{"finish", "values, error", 0.03, finish},
     StageRow{"audit", "error, checked by path tracing", 0.08, checkByPaths},
     StageRow{"occlude", "ambient occlusion", 0.05, occlude},
+    StageRow{"rims", "light before solids", 0.0, rims},
     StageRow{"seams", "padding, seams closed", 0.02, seams},
 };
 

@@ -6,14 +6,14 @@ import argparse, array, json, math, os, pathlib, subprocess, sys, tempfile
 GOAL = 0.08     # the draft preset
 
 
-def room(make, name, albedo=0.6, lamp=20.0, column=False, sky=0.0, open_top=False, panel=0.0, texels=64):
-    """A room of 4 x 3 x 5 m, convex but for a column."""
+def room(make, name, albedo=0.6, lamp=20.0, column=False, uncut=False, sky=0.0, open_top=False, panel=0.0, texels=64):
+    """A room of 4 x 3 x 5 m, convex but for a column, below which the floor has a hole unless it is uncut."""
     level = make.Level(name, texels, (sky, sky, sky) if sky else None)
     level.material('wall', (albedo, albedo, albedo))
     x, y, z = 4.0, 3.0, 5.0
     walls = level.object('walls', 'wall')
     foot = [(2.6, 0.0, 3.2), (3.1, 0.0, 3.2), (3.1, 0.0, 3.7), (2.6, 0.0, 3.7)]
-    level.flat(walls, [(0, 0, 0), (x, 0, 0), (x, 0, z), (0, 0, z)], (0, 1, 0), [foot] if column else ())
+    level.flat(walls, [(0, 0, 0), (x, 0, 0), (x, 0, z), (0, 0, z)], (0, 1, 0), [foot] if column and not uncut else ())
     if not open_top:
         level.flat(walls, [(0, y, 0), (x, y, 0), (x, y, z), (0, y, z)], (0, -1, 0))
     level.flat(walls, [(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)], (1, 0, 0))
@@ -307,6 +307,16 @@ class Test:
         moved = [(p, q) for t, u in zip(self.texels(closed), self.texels(open_)) for p, q in zip(t, u)]
         change = math.sqrt(sum((p - q) ** 2 for p, q in moved) / len(moved)) / (sum(p for p, _ in moved) / len(moved))
         self.expect(0.0 < change and abs(change - with_seams['error']['seams']) <= 0.01 * change + 1e-4, f'closing seams moves the map by {change}, stated {with_seams["error"]["seams"]}')
+
+        crate = self.write(room(self.make, 'uncut', column=True, uncut=True))
+        kept, without = self.bake(crate, 'rims_kept', '--effects=-ao,-bounce')
+        filled, with_rims = self.bake(crate, 'rims_filled', '--effects=-ao,-bounce,+rims')
+        self.expect(not self.steps(without)['rims']['run'] and 'not asked' in self.steps(without)['rims']['because'] and without['rims']['texels'] == 0, f'rims: {without["rims"]}')
+        self.expect(self.steps(with_rims)['rims']['run'] and with_rims['rims']['texels'] > 0 and with_rims['rays']['exposure'] > 0, f'rims: {with_rims["rims"]}')
+        moved = [(p, q) for t, u in zip(self.texels(filled), self.texels(kept)) for p, q in zip(t, u)]
+        change = math.sqrt(sum((p - q) ** 2 for p, q in moved) / len(moved)) / (sum(q for _, q in moved) / len(moved))
+        self.expect(change > 0.01 and abs(change - with_rims['error']['rims']) <= 0.01 * change, f'filling rims moves the map by {change}, stated {with_rims["error"]["rims"]}')
+        self.expect(with_rims['error']['estimate'] == without['error']['estimate'], 'what is moved for lookups is in the stated error')
 
     def lightless(self):
         level = room(self.make, 'lightless', lamp=0.0)

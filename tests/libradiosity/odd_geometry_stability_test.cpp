@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "libradiosity/rims.h"
 #include "libscene/constants.h"
 #include "libscene/tracer.h"
 #include "tests/support/bake_scene.h"
@@ -130,11 +131,11 @@ TEST(Doubles, FacesWithoutAreaAndFacesTwiceChangeNothing) {
                 plain.ledger.bound95 + other.ledger.bound95, "%", "sum of the stated bounds of both"});
 }
 
-/// A floor of 4 m in 80 texels under a lamp, with what stands on it.
+/// A floor of 4 m in 80 texels under a lamp, with what stands on it; `cells` squared quads, in a map of 100 times as many texels.
 struct Standing {
-  test::SceneBuilder s{2};
-  std::uint32_t grey = s.material(Rgb(0.0f));
-  Standing() {
+  test::SceneBuilder s;
+  std::uint32_t grey;
+  explicit Standing(int cells = 2) : s(cells), grey(s.material(Rgb(0.0f))) {
     s.quad({0, 0, 0}, {0, 0, 4}, {4, 0, 0}, grey);
     s.scene.lights.push_back(pointLight({0.6, 1.5, 2.1}, 10.0f));
   }
@@ -204,6 +205,97 @@ TEST(Standing, BoxOnAnUncutFloorDarkensWhatItCoversAlone) {
   expectWithin({"box on an uncut floor", "worst texel before and partly under it, from the share that is free", worst, 0.06, "",
                 "64 places along 5 cm: two strata of 1/32"});
   expectWithin({"box on an uncut floor", "brightest texel under it", under, 0.0, "lx", "it is closed"});
+}
+
+constexpr int kCells = 3, kSide = 100 * kCells;
+
+/// A light map of Standing in kCells with its rims filled, for bilinear lookups along the floor.
+class Filled {
+ public:
+  explicit Filled(const Scene& scene) : baked_(bakeScene(scene, {.side = kSide, .bounce = false})) {
+    Run run;
+    const Charts charts = findCharts(scene, kSide, run);
+    const TexelMap texels(scene, charts, kSide);
+    const Tracer tracer(scene);
+    before_ = baked_.values.direct;
+    free_ = freePlaces(baked_.values, baked_.map, scene, texels, tracer, run);
+    result = fillRims(baked_.values, baked_.map, free_);
+  }
+
+  double before(double x, double z) const { return lookUp(before_, x, z); }
+  double after(double x, double z) const { return lookUp(baked_.values.direct, x, z); }
+
+  RimResult result;
+
+ private:
+  double lookUp(const TexelArray<Rgb>& map, double x, double z) const {
+    // The floor's chart: rows along x, columns along z, in its cell but for a margin of a tenth.
+    const auto at = [&](double m) { return (m / 4.0 * 0.8 + 0.1) / kCells * kSide - 0.5; };
+    const double row = at(x), column = at(z), v = row - std::floor(row), u = column - std::floor(column);
+    const auto texel = [&](int dy, int dx) {
+      return double(map[std::size_t((int(std::floor(row)) + dy) * kSide + int(std::floor(column)) + dx)].r);
+    };
+    return (1.0 - v) * ((1.0 - u) * texel(0, 0) + u * texel(0, 1)) + v * ((1.0 - u) * texel(1, 0) + u * texel(1, 1));
+  }
+
+  test::Baked baked_;
+  TexelArray<Rgb> before_;
+  TexelArray<std::uint8_t> free_;
+};
+
+/// A solid on the floor of Standing, `from` this x on, over all of it in z.
+void addSolid(Standing& level, float from, float thick) {
+  const glm::vec3 a(from, 0, -0.5f), X(thick, 0, 0), Y(0, 0.5f, 0), Z(0, 0, 5);
+  level.s.quad(a, Z, Y, level.grey);
+  level.s.quad(a + X, Y, Z, level.grey);
+  level.s.quad(a + Y, Z, X, level.grey);
+  level.s.quad(a, Y, X, level.grey);
+  level.s.quad(a + Z, X, Y, level.grey);
+}
+
+TEST(Standing, LookupsAtTheFootOfASolidShowNoRimWhereRimsAreFilled) {
+  // Wherever the foot lies within a texel of 5 cm.
+  for (const float from : {2.0005f, 2.013f, 2.025f, 2.037f, 2.0495f}) {
+    Standing level(kCells);
+    addSolid(level, from, 1.0f);
+    const Filled filled(level.s.scene);
+    double rim = 0.0, worst = 0.0;
+    for (double z = 0.5; z <= 3.5; z += 0.07)
+      for (double x = 1.8; x < double(from); x += 0.003) {
+        const double exact = level.exactAt(x, z);
+        rim = std::max(rim, 1.0 - filled.before(x, z) / exact);
+        worst = std::max(worst, std::abs(filled.after(x, z) / exact - 1.0));
+      }
+    EXPECT_GT(rim, 0.2) << "there is nothing to fill";
+    EXPECT_GT(filled.result.texels, 50u);
+    // d ln E/dx = 3 (x - x0)/d^2 is largest, 1 per metre, at x - x0 = h = 1.5 m. A texel less than half of which is free, nearly all of a
+    // lookup at the most, has the value of one that lies a texel farther from the solid.
+    expectWithin({fmt::format("solid on an uncut floor from {:g} m, rims filled", double(from)), "worst lookup before it", worst, 0.06, "%",
+                  "the light's change over 5 cm, 5 %; noise of a texel at the goal"});
+  }
+}
+
+TEST(Standing, FillingRimsLetsNoLightThroughAThinSolid) {
+  // Thinner than the texel that it parts: what lies behind it is dark, and lookups there stay so.
+  Standing level(kCells);
+  addSolid(level, 2.015f, 0.02f);
+  const Filled filled(level.s.scene);
+  double before = 0.0, after = 0.0;
+  for (double z = 0.5; z <= 3.5; z += 0.07)
+    for (double x = 2.036; x < 2.3; x += 0.003) {
+      before = std::max(before, filled.before(x, z) / level.exactAt(x, z));
+      after = std::max(after, filled.after(x, z) / level.exactAt(x, z));
+    }
+  EXPECT_GT(before, 0.1) << "the mean of a texel that the solid parts";
+  expectWithin({"solid of 2 cm within texels of 5 cm, rims filled", "brightest lookup behind it, of E without it", after, 0.0, "",
+                "free neighbours on its dark side speak for the texel"});
+}
+
+TEST(Standing, WhereNothingStandsNothingIsFilled) {
+  Standing level(kCells);  // a board close above the floor, its lower side a face: dark below it, but no solid
+  level.s.quad({2, 0.01f, 0}, {1, 0, 0}, {0, 0, 4}, level.grey);
+  level.s.quad({2, 0.02f, 0}, {0, 0, 4}, {1, 0, 0}, level.grey);
+  EXPECT_EQ(Filled(level.s.scene).result.texels, 0u);
 }
 
 }  // namespace

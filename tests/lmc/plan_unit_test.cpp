@@ -58,6 +58,18 @@ TEST(Plan, SeamsAreClosedWhereThereAreSmoothOnes) {
   EXPECT_EQ(p.steps[std::size_t(Effect::Seams)].because, "no smooth seam");
 }
 
+TEST(Plan, RimsAreFilledWhereThatIsAskedFor) {
+  Facts f = room();
+  EXPECT_FALSE(makePlan({"auto"}, f).runs(Effect::Rims)) << "a map of means is what a goal speaks of";
+  EXPECT_TRUE(makePlan({"+rims"}, f).runs(Effect::Rims));
+  EXPECT_TRUE(makePlan({"direct,rims"}, f).runs(Effect::Rims));
+  f.shape = Shape::SeenFromInside;
+  EXPECT_FALSE(makePlan({"+rims"}, f).runs(Effect::Rims)) << "an empty room";
+  f = room();
+  f.pointLights = 0;
+  EXPECT_FALSE(makePlan({"+rims"}, f).runs(Effect::Rims));
+}
+
 TEST(Plan, EffectsCanBeListedOrChanged) {
   EXPECT_FALSE(makePlan({"direct"}, room()).runs(Effect::Bounce));
   EXPECT_TRUE(makePlan({"direct"}, room()).runs(Effect::Direct));
