@@ -91,10 +91,22 @@ bool readAt(int fd, void* to, std::size_t size, std::uint64_t offset) {
 }
 
 std::atomic<bool> holdsTiles{false};
+std::atomic<int> folderOfLocked{-1};  // of the journal whose lock this process has
 
 }  // namespace
 
 bool journalHoldsTiles() noexcept { return holdsTiles; }
+
+void unlinkJournal() noexcept {
+  const int folder = folderOfLocked;
+  if (folder < 0) return;
+  ::unlinkat(folder, Journal::kFile, 0);
+  // The folder by its own descriptor: its name may be long, and to put it together takes memory.
+  const int out = ::openat(folder, "..", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (out < 0) return;
+  ::unlinkat(out, Journal::kFolder, AT_REMOVEDIR);
+  ::close(out);
+}
 
 Journal::Journal(const fs::path& out, const JournalKey& key) : out_(out), key_(key), seed_(headerOf(key).hash) {
   if (openFolder(false) && openFile(false)) judge();
@@ -102,7 +114,10 @@ Journal::Journal(const fs::path& out, const JournalKey& key) : out_(out), key_(k
 }
 
 Journal::~Journal() {
-  if (file_ >= 0) ::close(file_);
+  if (file_ >= 0) {
+    folderOfLocked = -1;
+    ::close(file_);
+  }
   if (folder_ >= 0) ::close(folder_);
   holdsTiles = false;
 }
@@ -146,8 +161,10 @@ bool Journal::openFile(bool make) {
     if (::fstat(file_, &opened) != 0 || !S_ISREG(opened.st_mode)) return fail(Found::Unusable, "it is no regular file");
     // A file system without locks lets two runs in; what they write over each other is not sound, and done again.
     if (::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return fail(Found::InUse, make ? "another run has it" : "");
-    if (::fstatat(folder_, kFile, &named, AT_SYMLINK_NOFOLLOW) == 0 && named.st_ino == opened.st_ino && named.st_dev == opened.st_dev)
+    if (::fstatat(folder_, kFile, &named, AT_SYMLINK_NOFOLLOW) == 0 && named.st_ino == opened.st_ino && named.st_dev == opened.st_dev) {
+      folderOfLocked = folder_;
       return true;
+    }
     ::close(file_);  // removed by the run that had it, before the lock was ours
     file_ = -1;
   }
@@ -287,7 +304,10 @@ void Journal::remove() {
   off_ = true;
   entries_.clear();
   holdsTiles = false;
-  if (file_ >= 0) ::unlinkat(folder_, kFile, 0);
+  if (file_ >= 0) {
+    folderOfLocked = -1;  // another run may make its own from now on
+    ::unlinkat(folder_, kFile, 0);
+  }
   if (folder_ >= 0) ::rmdir((out_ / kFolder).c_str());
 }
 

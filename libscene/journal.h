@@ -105,6 +105,9 @@ class Journal {
 
 /// Whether a journal of this process holds tiles. Async-signal-safe.
 bool journalHoldsTiles() noexcept;
+/// Unlinks the journal that this process has, where Journal::remove() can no longer be called: for a process that ends out of order.
+/// Async-signal-safe.
+void unlinkJournal() noexcept;
 
 // What a tile is made of is said once, by a function that calls archive(value) for each value that the tile writes: these count, write and
 // read them. Values are plain, their number is known before the tile is computed.

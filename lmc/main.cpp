@@ -69,7 +69,8 @@ void onNoMemory() {
   throw std::bad_alloc();
 }
 
-/// What ends where nothing can be thrown: destructors of outside libraries' values (JSON's, Ceres's) take memory. Nothing is left behind.
+/// What ends where nothing can be thrown: destructors of outside libraries' values (JSON's, Ceres's) take memory. No temporary file is left
+/// behind, and no journal of a run that a fault of lmc's ended: it would come again.
 void onTerminate() {
   lmc::Exit code = lmc::Exit::Internal;
   try {
@@ -80,11 +81,12 @@ void onTerminate() {
     std::fputs(kOutOfMemory, stderr);
     code = lmc::Exit::Limit;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "lmc: error: internal: %s [LMC_INTERNAL]\n", e.what());
+    std::fprintf(stderr, "lmc: error: internal: ended out of order: %s [LMC_INTERNAL]\n", e.what());
   } catch (...) {
     std::fputs("lmc: error: internal: not known [LMC_INTERNAL]\n", stderr);
   }
   lmc::removeTemporaryFiles();
+  if (code == lmc::Exit::Internal) lmc::unlinkJournal();
   _exit(int(code));
 }
 

@@ -103,6 +103,24 @@ TEST_F(JournalFile, RemoveLeavesNothingButWhatOthersPutThere) {
   EXPECT_TRUE(fs::exists(folder() / "mine"));
 }
 
+TEST_F(JournalFile, AProcessThatEndsOutOfOrderUnlinksItsOwnAndNoOther) {
+  fill();
+  unlinkJournal();
+  EXPECT_TRUE(fs::exists(file())) << "no run has it";
+  {
+    Journal first(out, kKey);
+    ASSERT_EQ(first.found(), Found::Tiles);
+    unlinkJournal();
+    EXPECT_FALSE(fs::exists(folder()));
+  }
+  Journal made(out, kKey);
+  made.put(placeOf(0), payloadOf(0));
+  made.remove();
+  fill();  // by another run
+  unlinkJournal();
+  EXPECT_TRUE(fs::exists(file()));
+}
+
 TEST_F(JournalFile, CutAnywhereItKeepsTheTilesThatAreWhole) {
   fill();
   const Bytes whole = readFile(file());
