@@ -69,8 +69,8 @@ void onNoMemory() {
   throw std::bad_alloc();
 }
 
-/// What ends where nothing can be thrown: destructors of outside libraries' values (JSON's, Ceres's) take memory. No temporary file is left
-/// behind, and no journal of a run that a fault of lmc's ended: it would come again.
+/// What ends where nothing can be thrown: destructors of outside libraries' values (JSON's, the timers within ceres::Solve) take memory. No
+/// temporary file is left behind, and no journal of a run that a fault of lmc's ended: it would come again.
 void onTerminate() {
   lmc::Exit code = lmc::Exit::Internal;
   try {
